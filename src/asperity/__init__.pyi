@@ -20,6 +20,8 @@ from .scene.trajectory import ScriptedMotion as ScriptedMotion
 from .scene.trajectory import Trajectory as Trajectory
 from .scene.trajectory_file import read_poses as read_poses
 from .simulation.simulation import Simulation as Simulation
+from .soft.skin import SoftSkin as SoftSkin
+from .soft.skin_contact import SkinContact as SkinContact
 from .studies.sweeps.function_sweep import sweep as sweep
 from .texture.files.reading import read_heights as read_heights
 from .texture.height_field import HeightField as HeightField

@@ -1,0 +1,268 @@
+"""Where a ray leaves a textured solid.
+
+A solid is an intersection of sheets, so a ray leaves it by the first of the sheets that it leaves.
+Between the distances at which it leaves the sheet lowered and raised by the texture's largest
+heights, the last zero of `f` along the ray is found: by Newton's method within a bracket where f is
+bound to rise along the ray, and otherwise in steps from the far side over which f, by the bound of
+its slope, cannot be zero.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity._core.kernels import inner_kernel, small_kernel
+from asperity._core.stack import stack_array
+from asperity.soft.sheets import (
+    BOX,
+    CAPSULE,
+    CURVED,
+    CYLINDER,
+    ELLIPSOID,
+    PLANAR,
+    PLANE,
+    half_length,
+    sheet_at,
+)
+from asperity.texture.packed import texture_slope
+
+_CLOSE = 1e-13
+"""Largest error of a zero [m]."""
+_STEPS = 400
+_PARALLEL = 1e-12
+
+
+@inner_kernel
+def _chord(a, b, c):
+    """Return both roots of a s^2 + 2 b s + c, (inf, -inf) without any."""
+    square = b * b - a * c
+    if a <= 0.0 or square < 0.0:
+        return np.inf, -np.inf
+    root = math.sqrt(square)
+    return (-b - root) / a, (-b + root) / a
+
+
+@inner_kernel
+def _ball_chord(x, d, middle, radius):
+    """Return where a ray enters and leaves a ball about (0, 0, middle)."""
+    z = x[2] - middle
+    along = x[0] * d[0] + x[1] * d[1] + z * d[2]
+    return _chord(1.0, along, x[0] * x[0] + x[1] * x[1] + z * z - radius * radius)
+
+
+@inner_kernel
+def _tube_chord(x, d, radius):
+    """Return where a ray enters and leaves an endless tube about z."""
+    across = d[0] * d[0] + d[1] * d[1]
+    square = x[0] * x[0] + x[1] * x[1] - radius * radius
+    if across < _PARALLEL:
+        return (-np.inf, np.inf) if square <= 0.0 else (np.inf, -np.inf)
+    return _chord(across, x[0] * d[0] + x[1] * d[1], square)
+
+
+@inner_kernel
+def _curved_chord(kind, size, x, d, offset):
+    """Return where a ray enters and leaves the curved sheet, moved outwards by about `offset`.
+
+    Of an ellipsoid it is scaled: by enough to enclose all that `offset` reaches.
+    """
+    if kind == ELLIPSOID:
+        grown = 1.0 + offset / min(size[0], size[1], size[2])
+        a = b = c = 0.0
+        for i in range(3):
+            over = 1.0 / (size[i] * size[i])
+            a += d[i] * d[i] * over
+            b += x[i] * d[i] * over
+            c += x[i] * x[i] * over
+        return _chord(a, b, c - grown * grown)
+    radius = size[0] + offset
+    if kind == CYLINDER:
+        return _tube_chord(x, d, radius)
+    if kind != CAPSULE:
+        return _ball_chord(x, d, 0.0, radius)
+    first, last = np.inf, -np.inf
+    for end in (-size[1], size[1]):
+        one, two = _ball_chord(x, d, end, radius)
+        first, last = min(first, one), max(last, two)
+    one, two = _tube_chord(x, d, radius)
+    if abs(x[2] + one * d[2]) <= size[1]:
+        first = min(first, one)
+    if abs(x[2] + two * d[2]) <= size[1]:
+        last = max(last, two)
+    return first, last
+
+
+@small_kernel
+def _advance(s, value, rate, low, high, search):
+    """Return the next s, the bracket, and whether s is the zero; s below `low` where there is none.
+
+    `search` holds whether f rises between `low` and `high`, and bounds of its second derivative and
+    its slope along the ray.
+    """
+    is_bracket, bend, fastest = search
+    if is_bracket:
+        if value > 0.0:
+            high = s
+        else:
+            low = s
+        step = value / rate if rate > 0.0 else np.inf
+        if not low <= s - step <= high:
+            middle = 0.5 * (low + high)
+            return middle, low, high, high - low < _CLOSE
+        return s - step, low, high, bend * step * step < _CLOSE * rate
+    if rate > 0.0 and 4.0 * bend * value <= rate * rate:
+        # Kantorovich: the nearest zero is the only one within twice this step.
+        step = value / rate
+        return s - step, low, high, bend * step * step < _CLOSE * rate
+    # Where it touches the surface from outside it goes on.
+    return s - max(value / fastest, _CLOSE), low, high, False
+
+
+@inner_kernel
+def _last_zero(solids, g, face, x, d, ends, search):
+    """Return the last s between `ends` at which a ray leaves a sheet; -inf without one.
+
+    At the far end f is not negative.
+    """
+    at, normal = stack_array((3,)), stack_array((3,))
+    low, high = ends
+    s = 0.5 * (low + high) if search[0] else high
+    floor = low
+    for _ in range(_STEPS):
+        for i in range(3):
+            at[i] = x[i] + s * d[i]
+        value = sheet_at(solids, g, face, at, normal)
+        rate = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2]
+        s, low, high, is_found = _advance(s, value, rate, low, high, search)
+        if is_found:
+            return s
+        if s < floor:
+            return -np.inf
+    return s
+
+
+@inner_kernel
+def _last_zero_planar(textures, k, line, low, high, search):
+    """Return the same of a flat sheet with a planar map, several times faster.
+
+    `line` is the distance from the smooth sheet, u and v at the ray's start, and their rates.
+    """
+    gap, u, v, straight, du, dv = line
+    s = 0.5 * (low + high) if search[0] else high
+    floor = low
+    for _ in range(_STEPS):
+        t, t_u, t_v = texture_slope(textures, k, u + s * du, v + s * dv)
+        value, rate = gap + s * straight - t, straight - t_u * du - t_v * dv
+        s, low, high, is_found = _advance(s, value, rate, low, high, search)
+        if is_found:
+            return s
+        if s < floor:
+            return -np.inf
+    return s
+
+
+@inner_kernel
+def _leave_flat(solids, g, face, x, d, gap, rate):
+    """Return where a ray that rises over a flat sheet at `rate`, from `gap`, leaves it."""
+    geometry, reach = solids.geometry, solids.reach[g]
+    surface, slope = geometry.surface[g], reach.slope
+    k = geometry.texture[surface]
+    low, high = (reach.lowest - gap) / rate, (reach.highest - gap) / rate
+    if k < 0:
+        return high
+    aside = math.sqrt(max(1.0 - rate * rate, 0.0))
+    search = (rate > slope * aside, reach.bend * aside * aside, rate + slope * aside)
+    if geometry.mapping[surface] != PLANAR:
+        return _last_zero(solids, g, face, x, d, (low, high), search)
+    turn, at, origin = geometry.rotation[g], geometry.position[g], geometry.origin[surface]
+    axis = face >> 1
+    u, v = at[0] - origin[0], at[1] - origin[1]
+    du = dv = 0.0
+    for i in range(3):
+        # The texture is read at the foot of the ray's point.
+        foot = x[i] if i != axis else (x[i] - gap if face & 1 else x[i] + gap)
+        u, v = u + turn[0, i] * foot, v + turn[1, i] * foot
+        if i != axis:
+            du, dv = du + turn[0, i] * d[i], dv + turn[1, i] * d[i]
+    line = (gap, u, v, rate, du, dv)
+    return _last_zero_planar(solids.textures, k, line, low, high, search)
+
+
+@inner_kernel
+def _leave_curved(solids, g, x, d):
+    """Return where a ray leaves the curved sheet; -inf where it passes by."""
+    geometry, reach = solids.geometry, solids.reach[g]
+    kind, size = geometry.kind[g], geometry.size[g]
+    enters, leaves = _curved_chord(kind, size, x, d, reach.highest)
+    if geometry.texture[geometry.surface[g]] < 0:
+        return leaves
+    begins, low = _curved_chord(kind, size, x, d, reach.lowest)
+    if low < begins:  # it passes the lowered sheet by: search the half of the ray behind
+        low = 0.5 * (enters + leaves)
+    search = (False, reach.bend, 1.1 * math.sqrt(1.0 + reach.slope**2))
+    return _last_zero(solids, g, CURVED, x, d, (low, leaves), search)
+
+
+@inner_kernel
+def exit_of(solids, g, x, d, layer):
+    """Return how far along a ray it leaves a solid [m], and by which sheet; 0 where it does not.
+
+    Parameters
+    ----------
+    solids : Solids
+    g : int
+        The geom.
+    x, d : (3,) arrays
+        Start of the ray and its unit direction, in the geom's frame.
+    layer : float
+        Thickness of the layer [m]. A solid that the ray enters beyond its start counts only if the
+        ray leaves it within the layer: else it came from behind.
+    """
+    kind, size = solids.geometry.kind[g], solids.geometry.size[g]
+    low, high = solids.reach[g].lowest, solids.reach[g].highest
+    begins, ends = -np.inf, np.inf
+    first = 5 if kind == PLANE else (4 if kind == CYLINDER else 0)
+    has_flats = kind in (PLANE, CYLINDER, BOX)
+    if has_flats:
+        for face in range(first, 6):
+            sign = 1.0 if face & 1 else -1.0
+            rate = sign * d[face >> 1]
+            gap = sign * x[face >> 1] - half_length(kind, size, face >> 1) - high
+            if rate > _PARALLEL:
+                ends = min(ends, -gap / rate)
+            elif rate < -_PARALLEL:
+                begins = max(begins, -gap / rate)
+            elif gap > 0.0:
+                return 0.0, first
+        if ends <= 0.0 or begins >= ends:
+            return 0.0, first
+    if kind != PLANE and kind != BOX:
+        enters, leaves = _curved_chord(kind, size, x, d, high)
+        begins, ends = max(begins, enters), min(ends, leaves)
+        if ends <= 0.0 or begins >= ends:
+            return 0.0, first
+    if begins > 0.0 and ends > layer + (high - low):
+        return 0.0, first
+    found, by = np.inf, CURVED
+    if has_flats:
+        for face in range(first, 6):
+            axis, sign = face >> 1, 1.0 if face & 1 else -1.0
+            rate, gap = sign * d[axis], sign * x[axis] - half_length(kind, size, axis)
+            if rate <= _PARALLEL or (low - gap) / rate > min(found, ends) + _CLOSE:
+                continue
+            s = _leave_flat(solids, g, face, x, d, gap, rate)
+            if s < found:
+                found, by = s, face
+    if kind != PLANE and kind != BOX:
+        s = _leave_curved(solids, g, x, d)
+        if s < found:
+            found, by = s, CURVED
+    if not found > max(begins, 0.0) or (begins > 0.0 and found > layer):
+        return 0.0, by
+    if kind == PLANE:
+        for axis in range(2):
+            if size[axis] > 0.0 and abs(x[axis] + found * d[axis]) > size[axis]:
+                return 0.0, by
+    return found, by

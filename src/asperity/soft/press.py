@@ -1,0 +1,266 @@
+"""All taxels of a skin at one pose: compressions, forces, wrench, stiffness and damping.
+
+With X the place where a taxel's ray leaves the other surface, N the normal of that surface there
+and d the ray's direction, a motion of the skin changes the compression by
+
+    d(delta)/d(translation) = -m,   d(delta)/d(rotation) = -(r x m),   m = N / (N.d),   r = X - c,
+
+so that the energy `U = sum a w(delta)` gives the force `p a m` at X: along the other surface's
+normal, and p a along the ray.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from asperity._core.arrays import Array
+from asperity._core.kernels import inner_kernel, kernel, small_kernel
+from asperity._core.stack import stack_array
+from asperity.soft.exits import exit_of
+from asperity.soft.layer import layer_pressure
+from asperity.soft.sheets import lift, sheet_at
+
+SLIP_SPEED = 5e-3
+"""Speed v0 of the regularised friction [m/s]; project default."""
+_GRAZING = 1e-3
+"""Least cosine between a ray and a normal with which a force is computed."""
+
+
+class TaxelArrays(NamedTuple):
+    """The taxels of a skin in the frame of its body; a row a taxel."""
+
+    point: Array
+    """On the textured surface [m], (n, 3)."""
+    inwards: Array
+    """Unit vector of the ray, (n, 3)."""
+    along: Array
+    """Unit vectors along columns and rows, across the ray; (n, 2, 3)."""
+    area: Array
+    """Of the smooth surface [m^2], (n,)."""
+
+
+class SkinLaw(NamedTuple):
+    """Properties of a layer."""
+
+    modulus: float
+    """K [Pa/m]."""
+    thickness: float
+    """[m]"""
+    friction: float
+    """Coulomb's coefficient [-]."""
+
+
+class SkinOutput(NamedTuple):
+    """What is computed at a pose; rows are taxels."""
+
+    compression: Array
+    """[m], (n,)"""
+    traction: Array
+    """Force over area: along the ray, and along columns and rows [Pa], (n, 3)."""
+    force: Array
+    """[N], world axes, (n, 3)."""
+    point: Array
+    """Where the force acts [m], world axes, (n, 3); that of the surface at rest without contact."""
+    wrench: Array
+    """(6,) [N, N m]"""
+    stiffness: Array
+    """(6, 6)"""
+    damping: Array
+    """(6, 6)"""
+    damped: Array
+    """Part of the wrench that is friction, (6,)."""
+    energy: Array
+    """U [J], (1,)."""
+
+
+@inner_kernel
+def _add_friction(t, most, m, arm, twist, out):
+    """Add the friction of a taxel and its damping; `most` is the coefficient times p a [N]."""
+    slip, jacobian = stack_array((3,)), stack_array((6,))
+    rx, ry, rz = arm
+    square = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+    slip[0] = twist[0] + twist[4] * rz - twist[5] * ry
+    slip[1] = twist[1] + twist[5] * rx - twist[3] * rz
+    slip[2] = twist[2] + twist[3] * ry - twist[4] * rx
+    along = (slip[0] * m[0] + slip[1] * m[1] + slip[2] * m[2]) / square
+    speed = SLIP_SPEED * SLIP_SPEED
+    for i in range(3):
+        slip[i] -= along * m[i]
+        speed += slip[i] * slip[i]
+    drag = most * math.sqrt(square / speed)
+    fx, fy, fz = -drag * slip[0], -drag * slip[1], -drag * slip[2]
+    out.force[t, 0] += fx
+    out.force[t, 1] += fy
+    out.force[t, 2] += fz
+    out.damped[0] += fx
+    out.damped[1] += fy
+    out.damped[2] += fz
+    out.damped[3] += ry * fz - rz * fy
+    out.damped[4] += rz * fx - rx * fz
+    out.damped[5] += rx * fy - ry * fx
+    # In all directions less that of the normal.
+    _add_spring(m, arm, -drag / square, jacobian, out.damping)
+    for axis in range(3):
+        for i in range(3):
+            slip[i] = 1.0 if i == axis else 0.0
+        _add_spring(slip, arm, drag, jacobian, out.damping)
+
+
+@small_kernel
+def _add_spring(direction, arm, stiffness, jacobian, matrix_out):
+    """Add `stiffness` J J^T to the lower triangle of a matrix, J = (direction, arm x direction)."""
+    rx, ry, rz = arm
+    for i in range(3):
+        jacobian[i] = direction[i]
+    jacobian[3] = ry * direction[2] - rz * direction[1]
+    jacobian[4] = rz * direction[0] - rx * direction[2]
+    jacobian[5] = rx * direction[1] - ry * direction[0]
+    for i in range(6):
+        for j in range(i + 1):
+            matrix_out[i, j] += stiffness * jacobian[i] * jacobian[j]
+
+
+@kernel
+def press(solids, taxels, law, pose, centre, twist, out):
+    """Fill `out` at a pose of the skin's body.
+
+    Parameters
+    ----------
+    solids : Solids
+        What the skin meets.
+    taxels : TaxelArrays
+    law : SkinLaw
+    pose : (3, 4) array
+        Rotation and position of the skin's body.
+    centre : (3,) array
+        About which torques are, in the body's frame [m].
+    twist : (6,) array
+        Velocity of the centre [m/s] and angular velocity [rad/s], world axes.
+    out : SkinOutput
+    """
+    frames = solids.frames
+    origin = np.empty(3)
+    relative = np.empty((frames.shape[0], 3, 4))
+    x, d, normal, m = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    best_x, best_d, jacobian = np.empty(3), np.empty(3), np.empty(6)
+    for i in range(3):
+        origin[i] = pose[i, 3]
+        for j in range(3):
+            origin[i] += pose[i, j] * centre[j]
+    for g in range(frames.shape[0]):
+        for i in range(3):
+            for j in range(4):
+                total = 0.0
+                for k in range(3):
+                    value = pose[k, j] - (frames[g, k, 3] if j == 3 else 0.0)
+                    total += frames[g, k, i] * value
+                relative[g, i, j] = total
+    out.wrench[:] = 0.0
+    out.damped[:] = 0.0
+    out.stiffness[:] = 0.0
+    out.damping[:] = 0.0
+    energy = 0.0
+    for t in range(taxels.area.size):
+        depth, hit, face = 0.0, -1, 0
+        for g in range(frames.shape[0]):
+            for i in range(3):
+                x[i], d[i] = relative[g, i, 3], 0.0
+                for j in range(3):
+                    x[i] += relative[g, i, j] * taxels.point[t, j]
+                    d[i] += relative[g, i, j] * taxels.inwards[t, j]
+            s, by = exit_of(solids, g, x, d, law.thickness)
+            if s > depth and s < 2.0 * law.thickness:
+                depth, hit, face = s, g, by
+                for i in range(3):
+                    best_x[i], best_d[i] = x[i] + s * d[i], d[i]
+        out.compression[t] = depth
+        for i in range(3):
+            out.traction[t, i] = out.force[t, i] = 0.0
+        if hit < 0:
+            for i in range(3):
+                out.point[t, i] = pose[i, 3]
+                for j in range(3):
+                    out.point[t, i] += pose[i, j] * taxels.point[t, j]
+            continue
+        sheet_at(solids, hit, face, best_x, normal)
+        rate = normal[0] * best_d[0] + normal[1] * best_d[1] + normal[2] * best_d[2]
+        rate = max(rate, _GRAZING)
+        for i in range(3):
+            m[i], out.point[t, i] = 0.0, frames[hit, i, 3]
+            for j in range(3):
+                m[i] += frames[hit, i, j] * normal[j] / rate
+                out.point[t, i] += frames[hit, i, j] * best_x[j]
+        area = taxels.area[t]
+        pressure, slope, stored = layer_pressure(law.modulus, law.thickness, depth)
+        energy += area * stored
+        rx = out.point[t, 0] - origin[0]
+        ry = out.point[t, 1] - origin[1]
+        rz = out.point[t, 2] - origin[2]
+        _add_spring(m, (rx, ry, rz), slope * area, jacobian, out.stiffness)
+        for i in range(6):
+            out.wrench[i] += pressure * area * jacobian[i]
+        for i in range(3):
+            out.force[t, i] = pressure * area * m[i]
+        if law.friction > 0.0:
+            push = law.friction * pressure * area
+            _add_friction(t, push, m, (rx, ry, rz), twist, out)
+        for i in range(3):
+            for j in range(3):
+                turned = (
+                    pose[i, 0] * taxels.inwards[t, 0] + pose[i, 1] * taxels.inwards[t, 1]
+                    + pose[i, 2] * taxels.inwards[t, 2]
+                    if j == 0
+                    else pose[i, 0] * taxels.along[t, j - 1, 0]
+                    + pose[i, 1] * taxels.along[t, j - 1, 1]
+                    + pose[i, 2] * taxels.along[t, j - 1, 2]
+                )  # fmt: skip
+                out.traction[t, j] += out.force[t, i] * turned / area
+    for i in range(6):
+        out.wrench[i] += out.damped[i]
+        for j in range(i):
+            out.stiffness[j, i] = out.stiffness[i, j]
+            out.damping[j, i] = out.damping[i, j]
+    out.energy[0] = energy
+
+
+@kernel
+def lay(solids, smooth, starts, facing, point_out, normal_out):
+    """Find the outermost point along `facing` of a body's textured surface over each start.
+
+    Parameters
+    ----------
+    solids, smooth : Solids
+        The geoms of the body, in its frame, with and without texture.
+    starts : (n, 3) array
+        Points behind the body, from which lines along `facing` go, its frame [m].
+    facing : (3,) array
+        Unit vector.
+    point_out, normal_out : (n, 3) arrays
+        The point, and the outward normal of the smooth surface; nan where there is none.
+    """
+    x, d, normal, frames = np.empty(3), np.empty(3), np.empty(3), solids.frames
+    for t in range(starts.shape[0]):
+        farthest = -np.inf
+        for i in range(3):
+            point_out[t, i] = normal_out[t, i] = np.nan
+        for g in range(frames.shape[0]):
+            for i in range(3):
+                x[i] = d[i] = 0.0
+                for j in range(3):
+                    d[i] += frames[g, j, i] * facing[j]
+                    x[i] += frames[g, j, i] * (starts[t, j] - frames[g, j, 3])
+            s, face = exit_of(smooth, g, x, d, np.inf)
+            if s <= max(farthest, 0.0):
+                continue
+            farthest = s
+            for i in range(3):
+                x[i] += s * d[i]
+            lift(solids, g, face, x, normal)
+            for i in range(3):
+                point_out[t, i], normal_out[t, i] = frames[g, i, 3], 0.0
+                for j in range(3):
+                    point_out[t, i] += frames[g, i, j] * x[j]
+                    normal_out[t, i] += frames[g, i, j] * normal[j]

@@ -1,0 +1,227 @@
+"""A soft skin: an elastic layer on one body, divided into taxels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from asperity._core.arrays import Array, Indices
+from asperity.errors import AsperityError, require_between, require_finite, require_positive
+from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.poses import rotation_of
+from asperity.soft.press import TaxelArrays, lay
+from asperity.soft.solids import smooth, solids_of
+
+MOST_TAXELS = 1024
+"""Along one side of the grid."""
+_STEEPEST = 0.2
+"""Least cosine between `facing` and the surface of a taxel."""
+
+
+def foundation_modulus(modulus: float, poisson: float, thickness: float) -> float:
+    """Return K, the pressure over the compression of a thin elastic layer [Pa/m].
+
+    `(1 - nu) E / ((1 + nu) (1 - 2 nu) h)`: a layer that sticks to a rigid base and cannot bulge
+    sideways (Johnson, *Contact Mechanics*, 1985, section 4.3).
+
+    Parameters
+    ----------
+    modulus : float
+        Young's modulus E [Pa], above 0.
+    poisson : float
+        Poisson's ratio nu [-], from 0 to below 0.5, where such a layer cannot be compressed.
+    thickness : float
+        h [m], above 0.
+
+    Raises
+    ------
+    AsperityError
+        A value is outside its range.
+    """
+    require_positive("modulus", modulus, "Pa")
+    require_positive("thickness", thickness, "m")
+    if not (isinstance(poisson, int | float) and 0.0 <= poisson < 0.5):
+        raise AsperityError(
+            f"poisson must be 0 or above and below 0.5 (a layer of 0.5 cannot be compressed), got "
+            f"{poisson!r}"
+        )
+    return (1.0 - poisson) * modulus / ((1.0 + poisson) * (1.0 - 2.0 * poisson) * thickness)
+
+
+@dataclass(frozen=True, eq=False)
+class SoftSkin:
+    """An elastic layer on a textured body, with a grid of taxels.
+
+    The grid is seen along `facing`: over each of its cells lies the outermost point of the body's
+    textured surface. A taxel's ray goes from there into the body, against the normal of the
+    *smooth* surface. Cells that see no body, or only a side steeper than 78 degrees, have none.
+
+    Parameters
+    ----------
+    body : Body
+        Of simple geoms.
+    thickness : float
+        h [m], 1e-6 to 1.
+    modulus : float
+        Young's modulus E [Pa], 1 to 1e13.
+    poisson : float
+        Poisson's ratio [-], from 0 to below 0.5.
+    taxels : (2,) of int
+        Rows and columns of the grid, 1 to 1024 each.
+    facing : (3,)
+        Direction towards which the skin is, in the body's frame; its length does not matter.
+    size : (2,), optional
+        Width (along columns) and height (along rows) of the grid [m]; by default all of the body.
+    middle : (3,), optional
+        Point of the body's frame over which the middle of the grid lies [m].
+    friction : float
+        Coulomb's coefficient [-], 0 to 100; see `SkinContact`.
+
+    Raises
+    ------
+    AsperityError
+        A value is outside its range, the body is a mesh, or no cell of the grid sees the body.
+    """
+
+    body: Body
+    thickness: float
+    modulus: float
+    poisson: float = 0.45
+    taxels: Sequence[int] = (64, 64)
+    facing: Sequence[float] = (0.0, 0.0, 1.0)
+    size: Sequence[float] | None = None
+    middle: Sequence[float] | None = None
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_between("thickness", self.thickness, 1e-6, 1.0, "m")
+        require_between("modulus", self.modulus, 1.0, 1e13, "Pa")
+        foundation_modulus(self.modulus, self.poisson, self.thickness)
+        require_between("friction", self.friction, 0.0, 100.0)
+        shape = require_finite("taxels", self.taxels, 2)
+        for name, count in zip(("rows", "columns"), shape, strict=True):
+            require_between(f"{name} of taxels", count, 1, MOST_TAXELS)
+            if count != int(count):
+                raise AsperityError(f"{name} of taxels must be a whole number, got {count!r}")
+        object.__setattr__(self, "taxels", tuple(int(count) for count in shape))
+        facing = require_finite("facing", self.facing, 3)
+        if not math.hypot(*facing) > 1e-9:
+            raise AsperityError(f"facing must not be zero, got {self.facing!r}")
+        if self.size is not None:
+            for value in require_finite("size", self.size, 2):
+                require_positive("size", value, "m")
+        if self.middle is not None:
+            require_finite("middle", self.middle, 3)
+        if self.body.mesh is not None:
+            raise AsperityError(
+                f"body {self.body.name!r} is a mesh; a skin needs one of simple geoms (spheres, "
+                "capsules, ellipsoids, cylinders, boxes, planes)"
+            )
+        if not len(self.arrays.area):
+            raise AsperityError(
+                f"no taxel of the skin lies on body {self.body.name!r}; change facing, size or "
+                "middle"
+            )
+
+    @property
+    def stiffness_per_area(self) -> float:
+        """K, pressure over compression [Pa/m]; see `foundation_modulus`."""
+        return foundation_modulus(self.modulus, self.poisson, self.thickness)
+
+    @cached_property
+    def axes(self) -> Array:
+        """Directions of columns, rows and `facing`, rows of a (3, 3) array in the body's frame."""
+        facing = np.asarray(self.facing, dtype=np.float64)
+        facing = facing / np.linalg.norm(facing)
+        along = np.array([0.0, 1.0, 0.0] if abs(facing[0]) > 0.9 else [1.0, 0.0, 0.0])
+        along -= facing * (facing @ along)
+        along /= np.linalg.norm(along)
+        return np.array([along, np.cross(facing, along), facing])
+
+    @property
+    def arrays(self) -> TaxelArrays:
+        """The taxels, a row each, in the order of `cells`."""
+        return self._laid[0]
+
+    @property
+    def cells(self) -> Indices:
+        """Number of each taxel's cell, row by row, (n,)."""
+        return self._laid[1]
+
+    @cached_property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Ends of the grid along columns, and along rows [m]: first, last, first, last."""
+        ends = np.array([_ends(geom, self.axes[:2]) for geom in self.body.geoms])
+        low, high = ends[:, :, 0].min(axis=0), ends[:, :, 1].max(axis=0)
+        if not np.isfinite(low).all():
+            if self.size is None:
+                raise AsperityError(
+                    f"body {self.body.name!r} is a plane without a size; give the skin a size"
+                )
+            low = high = np.zeros(2)
+        place = 0.5 * (low + high) if self.middle is None else self.axes[:2] @ self.middle
+        size = high - low if self.size is None else np.array(self.size)
+        half = 0.5 * size
+        first, last = (place - half).tolist(), (place + half).tolist()
+        return first[0], last[0], first[1], last[1]
+
+    @cached_property
+    def _laid(self) -> tuple[TaxelArrays, Indices]:
+        rows, columns = self.taxels
+        first, last, low, high = self.extent
+        u = first + (np.arange(columns) + 0.5) * ((last - first) / columns)
+        v = low + (np.arange(rows) + 0.5) * ((high - low) / rows)
+        cell = (last - first) * (high - low) / (rows * columns)
+        behind = -1e-3 - 2.0 * max(_reach(geom) for geom in self.body.geoms)
+        starts = (
+            u[None, :, None] * self.axes[0] + v[:, None, None] * self.axes[1]
+            + behind * self.axes[2]
+        ).reshape(-1, 3)  # fmt: skip
+        point, normal = np.empty_like(starts), np.empty_like(starts)
+        solids = solids_of([self.body], [np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])])
+        facing = self.axes[2].copy()
+        lay(solids, smooth(solids), np.ascontiguousarray(starts), facing, point, normal)
+        cosine = normal @ self.axes[2]
+        cells = np.flatnonzero(cosine >= _STEEPEST)
+        inwards = -normal[cells]
+        one = self.axes[0] - inwards * (inwards @ self.axes[0])[:, None]
+        one /= np.linalg.norm(one, axis=1)[:, None]
+        along = np.stack([one, np.cross(one, inwards)], axis=1)
+        return TaxelArrays(point[cells].copy(), inwards.copy(), along, cell / cosine[cells]), cells
+
+    def as_grid(self, values: Array, fill: float = 0.0) -> Array:
+        """Return values of taxels (n, ...) as a grid (rows, columns, ...); `fill` where is none."""
+        rows, columns = self.taxels
+        out = np.full((rows * columns, *values.shape[1:]), fill)
+        out[self.cells] = values
+        return out.reshape(rows, columns, *values.shape[1:])
+
+
+def _reach(geom: Geom) -> float:
+    """Return how far a geom is from the origin of its body's frame at most [m]."""
+    return float(np.linalg.norm(geom.position) + sum(geom.size))
+
+
+def _ends(geom: Geom, directions: Array) -> list[tuple[float, float]]:
+    """Return where a geom begins and ends along each direction [m]."""
+    size, out = geom.size, []
+    for direction in directions:
+        x, y, z = np.abs(rotation_of(geom.quaternion).T @ direction)
+        if geom.kind == "plane":
+            sides = [s if s > 0.0 else math.inf for s in size[:2]]
+            half = sum(c * s for c, s in zip((x, y), sides, strict=True) if c > 1e-9)
+        elif geom.kind == "box":
+            half = x * size[0] + y * size[1] + z * size[2]
+        elif geom.kind == "ellipsoid":
+            half = math.hypot(x * size[0], y * size[1], z * size[2])
+        elif geom.kind == "cylinder":
+            half = math.hypot(x, y) * size[0] + z * size[1]
+        else:
+            half = size[0] + z * (size[1] if geom.kind == "capsule" else 0.0)
+        at = float(direction @ np.asarray(geom.position))
+        out.append((at - half, at + half))
+    return out

@@ -1,0 +1,179 @@
+"""Contact of a soft skin with other bodies: pressure and shear on its taxels, and the wrench."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from asperity._core.arrays import Array
+from asperity._core.kernels import Repeated
+from asperity.errors import AsperityError, require_finite
+from asperity.geometry.bodies import Body
+from asperity.geometry.poses import require_pose, rotation_of
+from asperity.soft.layer import LINEAR
+from asperity.soft.press import SkinLaw, SkinOutput, press
+from asperity.soft.skin import SoftSkin
+from asperity.soft.solids import solids_of
+
+_IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+class SkinContact:
+    """A soft skin among bodies that do not move.
+
+    The energy is `U = sum a w(delta)` over the taxels, with a the area, delta how far the other
+    body's textured surface is inside the skin along a taxel's ray, and w the energy of the layer
+    per area, `K delta^2 / 2` up to half of its thickness (`soft.layer`). Force and torque are
+    minus its gradient. Friction, if the skin has any, is added: on each taxel
+    `mu F / sqrt(v^2 + v0^2)` times the slip velocity v, with F the normal force and v0 = 5 mm/s.
+    It takes energy at any speed, and holds nothing at rest.
+
+    Parameters
+    ----------
+    skin : SoftSkin
+    bodies : sequence of Body
+        What it meets; of simple geoms.
+    poses : sequence of (7,), optional
+        Of the bodies' frames: position [m], unit quaternion wxyz. By default all are the world's.
+    centre : (3,)
+        Point about which torques are, in the frame of the skin's body [m].
+
+    Attributes
+    ----------
+    compression, pressure : (rows, columns) arrays
+        Of the last pose [m], [Pa]; 0 on cells without a taxel.
+    shear : (rows, columns, 2) array
+        Traction across each taxel's ray, along columns and along rows [Pa].
+    forces, points : (rows, columns, 3) arrays
+        Force [N] on each taxel and where it acts [m], world axes. They add up to the wrench.
+
+    Raises
+    ------
+    AsperityError
+        A body is a mesh, or poses or centre are not finite.
+
+    Examples
+    --------
+    >>> skin = SoftSkin(pad, thickness=2e-3, modulus=5e4, facing=(0, 0, -1))
+    >>> contact = SkinContact(skin, [plate])
+    >>> force, torque = np.split(contact.wrench(pose), 2)
+    >>> contact.pressure.max()
+    """
+
+    def __init__(
+        self,
+        skin: SoftSkin,
+        bodies: Sequence[Body],
+        poses: Sequence[ArrayLike] | None = None,
+        *,
+        centre: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        for body in bodies:
+            if body.mesh is not None:
+                raise AsperityError(
+                    f"body {body.name!r} is a mesh; a soft skin meets bodies of simple geoms"
+                )
+        if not bodies:
+            raise AsperityError("a skin needs one body at least to meet; got none")
+        self.skin = skin
+        placed = [require_pose(p, "pose") for p in poses or [_IDENTITY] * len(bodies)]
+        if len(placed) != len(bodies):
+            raise AsperityError(f"there are {len(bodies)} bodies, but {len(placed)} poses")
+        self.centre = np.array(require_finite("centre", centre, 3))
+        self._solids = solids_of(bodies, placed)
+        self._law = SkinLaw(
+            float(skin.stiffness_per_area), float(skin.thickness), float(skin.friction)
+        )
+        n = len(skin.arrays.area)
+        self.out = SkinOutput(
+            np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(6),
+            np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), np.zeros(1),
+        )  # fmt: skip
+        """The last pose, a row a taxel."""
+        self._pose, self._twist = np.zeros((3, 4)), np.zeros(6)
+        self._press = Repeated(press)
+
+    def wrench(self, pose: ArrayLike, twist: ArrayLike | None = None) -> Array:
+        """Return the wrench on the skin's body at a pose.
+
+        Parameters
+        ----------
+        pose : (7,)
+            Of its frame: position [m], unit quaternion wxyz.
+        twist : (6,), optional
+            Velocity of the centre [m/s] and angular velocity [rad/s], world axes, for friction. By
+            default it is at rest.
+
+        Returns
+        -------
+        (6,) array
+            Force [N] and torque about the centre [N m], world axes.
+
+        Raises
+        ------
+        AsperityError
+            The pose or the twist has a wrong shape or is not finite.
+        """
+        place = require_pose(pose, "pose")
+        self._twist[:] = 0.0 if twist is None else require_finite("twist", twist, 6)
+        self._pose[:, :3] = rotation_of(place[3:])
+        self._pose[:, 3] = place[:3]
+        self._press(
+            self._solids, self.skin.arrays, self._law, self._pose, self.centre, self._twist,
+            self.out,
+        )  # fmt: skip
+        return self.out.wrench.copy()
+
+    @property
+    def energy(self) -> float:
+        """U of the last pose [J]."""
+        return float(self.out.energy[0])
+
+    def stiffness(self) -> Array:
+        """Return the stiffness of the last pose (6, 6), as Gauss and Newton take it.
+
+        About the centre, world axes [N/m, N/rad; N, N m/rad]; positive semidefinite. The curvature
+        of the other surface, which can make it softer, is left out.
+        """
+        return self.out.stiffness.copy()
+
+    def damping(self) -> Array:
+        """Return the damping of the friction at the last pose (6, 6), as `stiffness` [N s/m]."""
+        return self.out.damping.copy()
+
+    @property
+    def compression(self) -> Array:
+        """How far each taxel is pressed in [m], (rows, columns)."""
+        return self.skin.as_grid(self.out.compression)
+
+    @property
+    def pressure(self) -> Array:
+        """Pressure along each taxel's ray [Pa], (rows, columns)."""
+        return self.skin.as_grid(self.out.traction[:, 0])
+
+    @property
+    def shear(self) -> Array:
+        """Traction along columns and rows, across each taxel's ray [Pa], (rows, columns, 2)."""
+        return self.skin.as_grid(self.out.traction[:, 1:])
+
+    @property
+    def forces(self) -> Array:
+        """Force on each taxel [N], world axes, (rows, columns, 3)."""
+        return self.skin.as_grid(self.out.force)
+
+    @property
+    def points(self) -> Array:
+        """Where each taxel's force acts [m], world axes, (rows, columns, 3); nan without taxel."""
+        return self.skin.as_grid(self.out.point, np.nan)
+
+    @property
+    def contact_area(self) -> float:
+        """Area of the taxels that are pressed [m^2]."""
+        return float(self.skin.arrays.area[self.out.compression > 0.0].sum())
+
+    @property
+    def stiffened(self) -> int:
+        """Number of taxels pressed beyond half of the thickness, where the layer stiffens."""
+        return int(np.count_nonzero(self.out.compression > LINEAR * self.skin.thickness))
