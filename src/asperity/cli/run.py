@@ -36,8 +36,8 @@ class RunCommand:
     """
 
     scene: Annotated[Positional[str | None], arg(metavar="SCENE")] = None
-    """probe-plate, probe-plate-dots, probe-plate-grating, hammer-blocks, file-cad, or a folder
-    with a scene, or an MJCF or URDF file. Alternatively, give --tool and --target."""
+    """probe-plate, probe-plate-dots, probe-plate-grating, hammer-blocks, file-cad, finger-plate,
+    or a folder with a scene, or an MJCF or URDF file. Alternatively, give --tool and --target."""
     tool: str | None = None
     """Mesh of the tool, z upwards (.obj, .glb, .gltf, .ply, .stl, .usd), or a solid: sphere:3mm,
     box:20x10x5mm, capsule:3x20mm, cylinder:3x20mm, ellipsoid:8x6x4mm."""
@@ -91,6 +91,9 @@ class RunCommand:
     """Run in real time with this device: simulated, replay:FILE, haply, touch, ...: see
     `asperity devices`."""
     options: Annotated[DeviceOptions, arg(name="")] = field(default_factory=DeviceOptions)
+    field_rate_hz: Annotated[float | None, Range(0.1, 1e5, "Hz")] = None
+    """Rate at which the pressure and shear on a soft tool go into the recording, and pictures of
+    the pressure into the folder pressure. Default: none are recorded."""
     hand: bool = False
     """Hold the tool with a simulated hand, which follows the trajectory, presses, and yields."""
     seed: Annotated[int | None, Range(0, 2**31 - 1)] = None
@@ -111,14 +114,17 @@ class RunCommand:
             raise AsperityError("options of the servo loop need --device NAME")
         from asperity._core.output import result_folder
         from asperity.cli.progress import progress_bars
+        from asperity.runs.pressure_figure import write_pressure
         from asperity.runs.run_scene import run_scene, take_pictures, write_figures, write_summary
         from asperity.scene.scale import scale_table
         from asperity.simulation.tool_contact import announce_compiling
 
         scene = self._scene()
+        if self.field_rate_hz and scene.skin is None:
+            raise AsperityError(f"--field-rate-hz: {scene.name} has no soft tool ([tool.skin])")
         scale = scale_table(scene)
         motion = self._motion(scene)
-        announce_compiling()  # before the progress bar is drawn
+        announce_compiling("press" if scene.skin else "tick")  # before the progress bar is drawn
         with result_folder(self.out, overwrite=self.overwrite) as folder, progress_bars() as bars:
             task = bars.add_task(scene.name, total=None)
 
@@ -132,17 +138,22 @@ class RunCommand:
                     bars.update(task, completed=i + 1, total=len(rollout.time), description=label)
 
             done = run_scene(
-                scene, folder / "recording.h5", motion=motion, hand=self.hand, on_tick=show
-            )
+                scene, folder / "recording.h5", motion=motion, hand=self.hand, on_tick=show,
+                field_rate=self.field_rate_hz or 0.0,
+            )  # fmt: skip
             bars.update(task, description="figures")
             write_summary(done, folder / "summary.json")
             write_figures(done, take_pictures(done, scene), folder)
+            if self.field_rate_hz:
+                write_pressure(folder, scene.name)
         self._print(done.summary)
 
     def _run_on_device(self, device: str) -> None:
         """Run the scene on a device in real time."""
         from asperity.cli.realtime_run import run_on_device, servo_spec, with_coupling
 
+        if self.field_rate_hz:
+            raise AsperityError("--field-rate-hz: fields are recorded in simulated time only")
         moved = [f"--{name.replace('_', '-')}" for name in _MOTION_OPTIONS if getattr(self, name)]
         if moved and (device != "simulated" or self.hand):
             raise AsperityError(

@@ -103,6 +103,8 @@ class RecordingWriter:
             self._file.attrs[key] = value
         self._waiting: dict[str, list[Any]] = {"time": [], **{name: [] for name in _VARIABLES}}
         self._flushed = clock()
+        self.file = self._file
+        """The open HDF5 file, for groups besides the ticks."""
         self._file.flush()
         try:
             self._disk.check()

@@ -18,6 +18,7 @@ from asperity.drawing.renderer.contact import ContactMoment, Picture, close_pict
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.dynamics.passivity.controller import PassivityController
 from asperity.runs.recording import RecordingWriter, variables_of
+from asperity.runs.skin_fields import FieldWriter
 from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory
 from asperity.simulation.anti_aliasing import SPAN
@@ -58,6 +59,7 @@ def run_scene(
     dt: float = 1e-3,
     hand: bool | Hand = False,
     source: str = "",
+    field_rate: float = 0.0,
     on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
 ) -> Run:
     """Move the tool along a trajectory; write the recording, if any, while it moves.
@@ -77,6 +79,9 @@ def run_scene(
         controller is on. A `Hand` sets its mass, spring and damper.
     source : str
         What `load_scene` needs to load the scene again, for `replay`. Default: its name.
+    field_rate : float
+        Rate at which the pressure and shear of a soft tool are recorded [Hz], at most that of the
+        ticks; 0 records none.
     on_tick : callable
         Called after each tick with its number and what there is so far.
     """
@@ -92,11 +97,13 @@ def run_scene(
         "hand": "simulated" if hand else "none", "version": __version__, "document": json.dumps(
             scene.document), "notes": "\n".join(scene.notes),
     }  # fmt: skip
+    every = max(round(1.0 / (field_rate * simulation.dt)), 1) if field_rate > 0.0 else 0
     which = hand if isinstance(hand, Hand) else None
     held = simulation.hand(motion, hand=which) if hand else None
     controller = PassivityController(simulation.dt) if hand else None
     with ExitStack() as stack:
         writer = recording and stack.enter_context(RecordingWriter(recording, attributes))
+        fields = FieldWriter(writer.file, scene.skin) if writer and scene.skin and every else None
 
         def keep(i: int, rollout: Rollout) -> None:
             nonlocal best, largest, written
@@ -109,6 +116,8 @@ def run_scene(
             if writer and i + 1 - written == _ROWS:
                 writer.add_rows(variables_of(rollout, slice(written, i + 1)))
                 written = i + 1
+            if fields and i % every == 0:
+                fields.add(float(rollout.time[i]), simulation.stage.engine.skin)
             on_tick(i, rollout)
 
         rollout = simulation.rollout(trajectory, hand=held, controller=controller, on_tick=keep)

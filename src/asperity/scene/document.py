@@ -57,7 +57,8 @@ def check_document(document: Table, body_names: Iterable[str]) -> None:
     for section in SECTIONS[1:]:
         require_table(document.get(section, {}), section)
     tool = document.get("tool", {})
-    require_keys(tool, "tool", ("body",))
+    require_keys(tool, "tool", ("body", "skin"))
+    require_table(tool.get("skin", {}), "tool.skin")
     if "body" not in tool:
         raise AsperityError("tool.body is missing: the name of the body that is held")
     names = list(body_names)

@@ -36,6 +36,7 @@ from asperity.simulation.anti_aliasing import (
     moved_most,
     sub_poses,
 )
+from asperity.simulation.skin_engine import SkinEngine
 
 SUB_POSES, BUDGET_SPENT, TOO_FAST, NOT_CERTIFIED, OVERFLOW = 1, 2, 4, 8, 16
 FALLBACK, PASSIVITY, LIMITED, SILENT, LATE = 32, 64, 128, 256, 512
@@ -58,7 +59,9 @@ FLAGS = {
 
 _FASTEST, _FASTEST_TURN = 10.0, 500.0
 """Speeds above which a tool has been placed elsewhere [m/s], [rad/s] (project default)."""
-_MODULES = {"tick": "contact.geom_tick", "mesh_tick": "contact.mesh_tick"}
+_MODULES = {
+    "tick": "contact.geom_tick", "mesh_tick": "contact.mesh_tick", "press": "soft.press",
+}  # fmt: skip
 """Modules of the kernels that the first force has to wait for."""
 
 
@@ -90,7 +93,7 @@ class ToolContact:
         self, scene: Scene, *, dt: float = 1e-3, now: Callable[[], float] = time.perf_counter
     ) -> None:
         meshes = any(body.mesh is not None for body in scene.bodies)
-        announce_compiling("mesh_tick" if meshes else "tick")
+        announce_compiling("press" if scene.skin else "mesh_tick" if meshes else "tick")
         given = scene
         self.scene = scene = replace(
             given, force=given.acting_force, anti_alias=given.acting_anti_alias
@@ -102,13 +105,19 @@ class ToolContact:
         self._cost = 0.0
         """Estimated time of one contact query, rather too long than too short [s]."""
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
-        self.engine: Any = ContactSolver(scene.model, scene.bodies, scene.tool, scene.force)
+        self.engine: Any = (
+            ContactSolver(scene.model, scene.bodies, scene.tool, scene.force)
+            if scene.skin is None
+            else SkinEngine(scene, scene.skin)
+        )
         """The contact solver; its own `wrench` has no anti-aliasing."""
         self._window: Window | None = None
         self._choose_window()
         self._wavelength = scene.shortest_wavelength
         self._moved = Repeated(moved_most)
         self._of_bodies = max(body.largest_friction for body in scene.bodies)
+        if scene.skin is not None:
+            self._of_bodies = scene.skin.friction
         """Largest friction of a body's own."""
         self._extent = max(float(scene.model.stat.extent), 1e-3)
         self.reset()
@@ -145,7 +154,7 @@ class ToolContact:
 
     @property
     def _is_gradient(self) -> bool:
-        return self.scene.force.law == "otaduy-lin"
+        return self.scene.skin is not None or self.scene.force.law == "otaduy-lin"
 
     def evaluate(
         self,

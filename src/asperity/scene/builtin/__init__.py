@@ -7,6 +7,7 @@ from pathlib import Path
 
 from asperity.errors import AsperityError, did_you_mean
 from asperity.scene.builtin.file_cad import file_cad
+from asperity.scene.builtin.finger_plate import finger_plate
 from asperity.scene.builtin.hammer_blocks import hammer_blocks
 from asperity.scene.builtin.probe_plate import probe_plate
 from asperity.scene.scene import Scene, read_scene
@@ -18,6 +19,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "probe-plate-grating": lambda: probe_plate("grating"),
     "hammer-blocks": hammer_blocks,
     "file-cad": file_cad,
+    "finger-plate": finger_plate,
 }
 """Constructors of the built-in scenes, by name."""
 PROBE_PLATES = tuple(name for name in SCENES if name.startswith("probe-plate"))
@@ -54,4 +56,7 @@ def load_scene(name_or_path: str | Path, *, seed: int | None = None) -> Scene:
     return scene.changed(bodies=with_seed(scene.document.get("bodies", {}), seed))
 
 
-__all__ = ["PROBE_PLATES", "SCENES", "file_cad", "hammer_blocks", "load_scene", "probe_plate"]
+__all__ = [
+    "PROBE_PLATES", "SCENES", "file_cad", "finger_plate", "hammer_blocks", "load_scene",
+    "probe_plate",
+]  # fmt: skip

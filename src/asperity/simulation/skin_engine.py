@@ -1,0 +1,90 @@
+"""Contact of a soft tool, in the place of `ContactSolver`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from asperity._core.arrays import Array
+from asperity.contact.contacts import empty_contacts
+from asperity.contact.response.stiffness import ContactDerivatives
+from asperity.geometry.poses import mean_twist
+from asperity.geometry.rigid_body import centre_of_mass, cross
+from asperity.scene.scene import Scene
+from asperity.soft.skin import SoftSkin
+from asperity.soft.skin_contact import SkinContact
+
+
+class SkinEngine:
+    """Contact of a scene's soft tool with its other bodies.
+
+    It has what `ToolContact` asks of a `ContactSolver`. Its contact, where there is one, is the sum
+    of all taxels: at the centre of pressure, with the largest compression as its depth.
+    """
+
+    def __init__(self, scene: Scene, skin: SoftSkin) -> None:
+        data = mujoco.MjData(scene.model)
+        mujoco.mj_kinematics(scene.model, data)
+        others = [body for body in scene.bodies if body.name != scene.tool]
+        places = [data.body(body.name) for body in others]
+        poses = [np.concatenate([place.xpos, place.xquat]) for place in places]
+        self.centre = np.array(scene.model.body(scene.tool).ipos)
+        self.skin = SkinContact(skin, others, poses, centre=self.centre.tolist())
+        """The fields of the last pose."""
+        self.contacts = empty_contacts(1)
+        self.was_cut = False
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last pose."""
+        self._last: Array | None = None
+        self.contacts.count[:] = 0
+
+    def change(self, settings: Any) -> None:
+        """Ignore new settings of the force: a skin has its own properties."""
+
+    def wrench(self, pose: Array, dt: float, seconds: float = math.inf) -> Array:
+        """Return the wrench at a pose; see `ContactSolver.wrench`."""
+        twist = None
+        if dt > 0.0 and self._last is not None:
+            twist = mean_twist(self._last, pose, dt)
+            arm = centre_of_mass(pose, self.centre) - pose[:3]
+            twist[:3] += cross(twist[3:], arm)
+        if dt > 0.0:
+            self._last = np.array(pose)
+        wrench = self.skin.wrench(pose, twist)
+        self._sum_up(wrench)
+        return wrench
+
+    def _sum_up(self, wrench: Array) -> None:
+        """Fill the contact."""
+        out, contacts = self.skin.out, self.contacts
+        push = np.sqrt((out.force**2).sum(axis=1))
+        total = float(push.sum())
+        contacts.count[0] = int(total > 0.0)
+        if total == 0.0:
+            return
+        normal = wrench[:3] - out.damped[:3]
+        normal /= max(float(np.linalg.norm(normal)), 1e-30)
+        contacts.point[0] = push @ out.point / total
+        contacts.normal[0] = contacts.slope_normal[0] = normal
+        contacts.depth[0] = out.compression.max()
+        contacts.weight[0] = 1.0
+        contacts.force[0] = wrench[:3]
+
+    @property
+    def energy(self) -> float:
+        """U of the last pose [J]."""
+        return self.skin.energy
+
+    def derivatives(self, motion: Any = None) -> ContactDerivatives:
+        """Return stiffness, damping and the friction in the last wrench."""
+        out = self.skin.out
+        return ContactDerivatives(out.stiffness.copy(), out.damping.copy(), out.damped.copy())
+
+    def stiffness(self) -> Array:
+        """Return the stiffness (6, 6) at the last pose."""
+        return self.skin.stiffness()
