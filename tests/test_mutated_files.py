@@ -223,7 +223,7 @@ def tried(read, path: Path, content: bytes, **options: object) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", HEIGHTS)
 def test_mutated_files_of_heights(tmp_path: Path, name: str, capfd: pytest.CaptureFixture) -> None:
-    if name in ("a.x3p", "a.sdf"):
+    if Path(name).suffix in (".x3p", ".sdf", ".xyz", ".asc"):  # damaged, the latter are no text
         pytest.importorskip("SurfaceTopography", reason="reads files of instruments")
     scaled = ("gwyddion.txt", "a.x3p", "a.sdf", "a.sxm", "a.gsf", "zygo.asc", "wyko.asc")
     options = {} if name in scaled else dict(SCALE)

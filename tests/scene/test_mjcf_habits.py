@@ -350,3 +350,21 @@ def test_what_is_no_scene_is_refused_in_one_line(tmp_path, xml, said):
     with pytest.raises(AsperityError, match=said) as caught:
         asperity.load_scene(tmp_path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        ("package://pkg/meshes/a.stl", r"cannot be opened; .*not of ROS \(package://\)"),
+        ("a.dae", r"names the mesh 'a\.dae', of a kind that is not read; valid: \.stl, \.obj"),
+    ],
+)
+def test_meshes_of_ros_that_are_not_read_are_named(tmp_path, file: str, words: str) -> None:
+    (tmp_path / "a.dae").write_text("<COLLADA/>")
+    (tmp_path / "r.urdf").write_text(
+        f'<robot name="r"><link name="base"><collision><geometry><mesh filename="{file}"/>'
+        "</geometry></collision></link></robot>"
+    )
+    with pytest.raises(AsperityError, match=words) as refused:
+        asperity.load_scene(tmp_path / "r.urdf")
+    assert len(str(refused.value).replace(str(tmp_path), "")) <= 300

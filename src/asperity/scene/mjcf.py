@@ -122,9 +122,16 @@ def _refusal(path: object, error: Exception) -> str:
     reason = " ".join(str(error).split())
     lost = re.search(r"Error opening file '([^']*)'", reason)
     if lost:
+        ros = "not of ROS (package://), " if lost.group(1).startswith("package:") else ""
         return (
-            f"{path} names the file {lost.group(1)[-150:]!r}, which cannot be opened; valid: a "
-            "path from its folder, or from meshdir, texturedir or assetdir"
+            f"{path} names the file {lost.group(1)[-100:]!r}, which cannot be opened; valid: a "
+            f"path from its folder, {ros}or from meshdir, texturedir or assetdir"
+        )
+    unknown = re.search(r"no decoder found for mesh file '([^']*)'", reason)
+    if unknown:
+        return (
+            f"{path} names the mesh {Path(unknown.group(1)).name[-100:]!r}, of a kind that is not "
+            "read; valid: .stl, .obj or .msh"
         )
     return f"{path} is not MJCF: {reason[:250]}"
 
