@@ -4,6 +4,8 @@ from .baking.bake import bake as bake
 from .contact.body_pair import BodyPair as BodyPair
 from .contact.multibody import MultibodySolver as MultibodySolver
 from .contact.response.settings import ForceSettings as ForceSettings
+from .contact.soft.skin import SoftSkin as SoftSkin
+from .contact.soft.skin_contact import SkinContact as SkinContact
 from .contact.solver import ContactSolver as ContactSolver
 from .designing.design import design as design
 from .dynamics.virtual_coupling.settings import CouplingSettings as CouplingSettings
@@ -20,8 +22,6 @@ from .scene.trajectory import ScriptedMotion as ScriptedMotion
 from .scene.trajectory import Trajectory as Trajectory
 from .scene.trajectory_file import read_poses as read_poses
 from .simulation.simulation import Simulation as Simulation
-from .soft.skin import SoftSkin as SoftSkin
-from .soft.skin_contact import SkinContact as SkinContact
 from .studies.sweeps.function_sweep import sweep as sweep
 from .texture.files.reading import read_heights as read_heights
 from .texture.height_field import HeightField as HeightField

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from asperity._core.arrays import Array
+from asperity.contact.soft.skin import SoftSkin
+from asperity.contact.soft.skin_contact import SkinContact
 from asperity.errors import AsperityError
 from asperity.runs.recording import recording_file
-from asperity.soft.skin import SoftSkin
-from asperity.soft.skin_contact import SkinContact
 
 
 @dataclass(frozen=True, eq=False)

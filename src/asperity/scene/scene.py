@@ -41,6 +41,7 @@ import mujoco
 from asperity._core.arrays import Array
 from asperity._core.output import result_folder
 from asperity.contact.response.settings import ForceSettings
+from asperity.contact.soft.skin import SoftSkin
 from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES, CouplingSettings
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.bodies import Body, Geom
@@ -70,7 +71,6 @@ from asperity.scene.skin import tool_skin
 from asperity.scene.texture import body_surface
 from asperity.scene.trajectory import KINDS, ScriptedMotion, Trajectory
 from asperity.scene.trajectory_file import read_poses
-from asperity.soft.skin import SoftSkin
 
 MODELS = (".xml", ".mjcf", ".urdf")
 """Kinds of files of a scene's bodies."""

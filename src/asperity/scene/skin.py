@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from asperity.contact.soft.skin import SoftSkin
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.scene.document import Table, arguments, at
-from asperity.soft.skin import SoftSkin
 
 
 def _keys(

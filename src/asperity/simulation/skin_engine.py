@@ -11,11 +11,11 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity.contact.contacts import empty_contacts
 from asperity.contact.response.stiffness import ContactDerivatives
+from asperity.contact.soft.skin import SoftSkin
+from asperity.contact.soft.skin_contact import SkinContact
 from asperity.geometry.poses import mean_twist
 from asperity.geometry.rigid_body import centre_of_mass, cross
 from asperity.scene.scene import Scene
-from asperity.soft.skin import SoftSkin
-from asperity.soft.skin_contact import SkinContact
 
 
 class SkinEngine:

@@ -60,7 +60,7 @@ FLAGS = {
 _FASTEST, _FASTEST_TURN = 10.0, 500.0
 """Speeds above which a tool has been placed elsewhere [m/s], [rad/s] (project default)."""
 _MODULES = {
-    "tick": "contact.geom_tick", "mesh_tick": "contact.mesh_tick", "press": "soft.press",
+    "tick": "contact.geom_tick", "mesh_tick": "contact.mesh_tick", "press": "contact.soft.press",
 }  # fmt: skip
 """Modules of the kernels that the first force has to wait for."""
 

@@ -5,8 +5,8 @@ Sizes and properties, each with how sure it is:
 - Semi-axes of the pad, 10, 8 and 7 mm: of the order of an adult's index finger; chosen.
 - Ridges every 0.45 mm: the usual figure for an adult's epidermal ridges, 0.4 to 0.5 mm. Height
   from valley to crest 0.06 mm, straight and evenly spaced: chosen; real ones form loops and whorls.
-- Thickness of the layer, 3 mm, and Poisson's ratio, 0.45: chosen, for soft tissue between nail
-  bone and surface that hardly changes its volume.
+- Thickness of the layer, 3 mm, and Poisson's ratio, 0.45: chosen, for soft tissue between bone
+  and surface that hardly changes its volume.
 - Young's modulus, 12 kPa: fitted, not measured. With the three values above a smooth plate has
   the contact that a finger pad makes at 0.6 N, some 75 mm^2 and 1 mm deep. Of fingers, force,
   depth and area were measured by Serina et al. (J. Biomech. 31, 639, 1998) and Dzidek et al. (J. R.

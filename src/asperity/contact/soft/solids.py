@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
 from asperity.contact.body_arrays import Geometry, flatten_bodies
+from asperity.contact.soft.sheets import BOX, PLANE, REACH, Solids
 from asperity.geometry.bodies import MAPPINGS, Body
 from asperity.geometry.poses import rotation_of
-from asperity.soft.sheets import BOX, PLANE, REACH, Solids
 from asperity.texture.packed import PackedTextures
 
 

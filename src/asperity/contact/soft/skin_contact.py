@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array
 from asperity._core.kernels import Repeated
+from asperity.contact.soft.layer import LINEAR
+from asperity.contact.soft.press import SkinLaw, SkinOutput, press
+from asperity.contact.soft.skin import SoftSkin
+from asperity.contact.soft.solids import solids_of
 from asperity.errors import AsperityError, require_finite
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import require_pose, rotation_of
-from asperity.soft.layer import LINEAR
-from asperity.soft.press import SkinLaw, SkinOutput, press
-from asperity.soft.skin import SoftSkin
-from asperity.soft.solids import solids_of
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
-from asperity.soft.sheets import (
+from asperity.contact.soft.sheets import (
     BOX,
     CAPSULE,
     CURVED,

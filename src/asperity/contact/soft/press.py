@@ -19,9 +19,9 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity._core.kernels import inner_kernel, kernel, small_kernel
 from asperity._core.stack import stack_array
-from asperity.soft.exits import exit_of
-from asperity.soft.layer import layer_pressure
-from asperity.soft.sheets import lift, sheet_at
+from asperity.contact.soft.exits import exit_of
+from asperity.contact.soft.layer import layer_pressure
+from asperity.contact.soft.sheets import lift, sheet_at
 
 SLIP_SPEED = 5e-3
 """Speed v0 of the regularised friction [m/s]; project default."""

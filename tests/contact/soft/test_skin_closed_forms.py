@@ -5,10 +5,10 @@ import pytest
 from scipy.optimize import brentq
 
 from asperity.contact.body_pair import BodyPair
+from asperity.contact.soft.layer import layer_pressure
+from asperity.contact.soft.skin import SoftSkin, foundation_modulus
+from asperity.contact.soft.skin_contact import SkinContact
 from asperity.geometry.bodies import Body, Geom
-from asperity.soft.layer import layer_pressure
-from asperity.soft.skin import SoftSkin, foundation_modulus
-from asperity.soft.skin_contact import SkinContact
 from asperity.texture.height_field import HeightField
 
 RADIUS, DEPTH = 8e-3, 1e-3

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from asperity.contact.soft.skin import SoftSkin
+from asperity.contact.soft.skin_contact import SkinContact
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body, Geom
-from asperity.soft.skin import SoftSkin
-from asperity.soft.skin_contact import SkinContact
 
 PAD = Body("pad", [Geom("box", (1e-2, 1e-2, 5e-3))])
 PLATE = Body("plate", [Geom("plane", (0.0, 0.0))])

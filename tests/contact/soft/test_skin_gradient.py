@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from asperity.contact.body_pair import BodyPair
+from asperity.contact.soft.skin import SoftSkin
+from asperity.contact.soft.skin_contact import SkinContact
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.poses import rotated, rotation_between, rotation_of
-from asperity.soft.skin import SoftSkin
-from asperity.soft.skin_contact import SkinContact
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.patterns import sinusoid
 

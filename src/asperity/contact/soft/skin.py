@@ -10,11 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
+from asperity.contact.soft.press import TaxelArrays, lay
+from asperity.contact.soft.solids import smooth, solids_of
 from asperity.errors import AsperityError, require_between, require_finite, require_positive
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.poses import rotation_of
-from asperity.soft.press import TaxelArrays, lay
-from asperity.soft.solids import smooth, solids_of
 
 MOST_TAXELS = 1024
 """Along one side of the grid."""
