@@ -66,7 +66,7 @@ def dragged(page: Page, tab: ScriptedTab, servo: ServoClient, seconds: float) ->
     gizmo = page.server.scene.get_handle_by_name("/gizmo")
     assert gizmo is not None
     middle = np.array(gizmo.position)
-    middle[2] -= 100.0 * (servo.target[2] - servo.config.first_pose[2]) + 0.6
+    middle[2] -= UNITS * (servo.target[2] - servo.config.first_pose[2] + 6e-3)
     begun, due = time.perf_counter(), 0.0
     while due < seconds:
         angle = 0.03 / 0.005 * due

@@ -129,14 +129,21 @@ class FindingsCommand:
                 bar = bars.add_task(name, total=total)
                 return lambda: bars.advance(bar)
 
+            lines: list[str] = []
+            facts: dict[str, Any] = {}
             if self.out and (self.halves or self.parts):
-                self._write_ensemble(self.out, task)
+                self._write_ensemble(self.out, task, lines, facts)
             if self.predictions:
                 path = write_predictions(self.predictions, self.date, progress=task("hands"))
-                print(f"{path}: predictions, and the same as JSON beside it")
+                lines.append(f"{path}: predictions, and the same as JSON beside it")
+                facts["predictions"] = path
+        print_result(lines, facts)
 
-    def _write_ensemble(self, out: Path, task: Callable[[str], Callable[[], None]]) -> None:
-        """Write halves.json and parts.json, and print what they come to."""
+    def _write_ensemble(
+        self, out: Path, task: Callable[[str], Callable[[], None]], lines: list[str],
+        facts: dict[str, Any],
+    ) -> None:  # fmt: skip
+        """Write halves.json and parts.json, and add what they come to to the result."""
         from asperity._core.output import result_folder, write_json
         from asperity.studies.ensemble.halves import judge_ensemble, summarise_halves
         from asperity.studies.ensemble.parts import (
@@ -150,7 +157,8 @@ class FindingsCommand:
                 found = summarise_halves(judge_ensemble(progress=task("hands, for halves")))
                 write_json(folder / "halves.json", found)
                 shares = found["shares"]
-                print(
+                facts["halves"] = found
+                lines.append(
                     f"{out}: {found['chosen']['name']}, held out: median "
                     f"{shares['chosen']['second']['median']:.0%}, 20-200 Hz band "
                     f"{shares['band']['second']['median']:.0%}"
@@ -158,8 +166,9 @@ class FindingsCommand:
             if self.parts:
                 table = judge_parts(progress=task("hands, for parts"))
                 write_json(folder / "parts.json", parts_document(table))
-                medians = parts_summary(table)["median"]
-                print(
+                facts["parts"] = summary = parts_summary(table)
+                medians = summary["median"]
+                lines.append(
                     f"{out}: median member, 20-200 Hz band {medians['band']['all']:.0%}, with "
                     f"every part {medians['pooled_tissue_lift_skin']['all']:.0%} of the findings"
                 )

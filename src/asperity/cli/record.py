@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command
 from asperity.cli.realtime_run import DeviceOptions
-from asperity.cli.result import print_result
+from asperity.cli.result import announce, print_result
 
 
 @command
@@ -87,7 +87,9 @@ class ReplayCommand:
         from asperity.viewer.replayed import recording_page
 
         with recording_page(file, self.scene, port=self.port) as page:
-            print(f"{page.url}  ({file}; Ctrl-C ends it)", flush=True)
+            print_result(
+                f"{page.url}  ({file}; Ctrl-C ends it)", {"url": page.url, "recording": file}
+            )
             if not self.no_open:
                 import webbrowser
 
@@ -96,7 +98,7 @@ class ReplayCommand:
                 while not page.wait(0.2):
                     pass
             except KeyboardInterrupt:
-                print("ended")
+                announce("ended")
 
     def _simulate(self, file: Path, out: Path) -> None:
         from asperity._core.output import result_folder

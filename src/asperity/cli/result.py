@@ -24,7 +24,7 @@ def wants_json() -> bool:
 
 
 def announce(line: str) -> None:
-    """Print a line before the result; on stderr with `--json`, whose document stands alone."""
+    """Print a line beside the result; on stderr with `--json`, whose document stands alone."""
     print(line, file=sys.stderr if _as_json else sys.stdout, flush=True)
 
 
@@ -38,10 +38,10 @@ def print_result(lines: str | Iterable[str], data: Any) -> None:
         Of numbers, texts and arrays, in SI units; NaN and infinite numbers become null.
     """
     if _as_json:
-        print(json.dumps(_plain(data), indent=2, ensure_ascii=False))
+        print(json.dumps(_plain(data), indent=2, ensure_ascii=False), flush=True)
         return
     for line in [lines] if isinstance(lines, str) else lines:
-        print(line)
+        print(line, flush=True)
 
 
 def _plain(value: Any) -> Any:

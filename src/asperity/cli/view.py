@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command
 from asperity.cli.realtime_run import DeviceOptions
+from asperity.cli.result import announce, print_result
 from asperity.errors import AsperityError
 
 if TYPE_CHECKING:
@@ -82,7 +83,12 @@ class ViewCommand:
             ServoClient(config) as servo,
             live_page(servo, self.out, self.triangles, host=self.host, port=self.port) as page,
         ):
-            print(f"{page.url}  ({config.scene.name}, {servo.device}; Ctrl-C ends it)", flush=True)
+            if page.notice:
+                announce(page.notice)
+            print_result(
+                f"{page.url}  ({config.scene.name}, {servo.device}; Ctrl-C ends it)",
+                {"url": page.url, "scene": config.scene.name, "device": servo.device},
+            )
             if not self.no_open:
                 import webbrowser
 
@@ -90,19 +96,27 @@ class ViewCommand:
             try:
                 page.wait(self.seconds)
             except KeyboardInterrupt:
-                print("ended")
+                announce("ended")
 
     def _simulate(self) -> None:
         """Show a MuJoCo model that runs in real time."""
-        from asperity.mujoco.page import simulate_file
+        from asperity.mujoco.page import ModelPage, run_on_page, surfaces_of_file
 
         if self.scene is None or self.host != LOCAL or self.screenshot is not None:
             raise AsperityError("--simulate needs a model file, without --host and --screenshot")
-        for note in simulate_file(
-            Path(self.scene), port=self.port, triangles=self.triangles, seconds=self.seconds,
-            opened=not self.no_open,
-        ):  # fmt: skip
-            print(note, flush=True)
+        model = Path(self.scene)
+        surfaces = surfaces_of_file(model)
+        with ModelPage(surfaces, port=self.port, triangles=self.triangles) as page:
+            print_result(
+                [*surfaces.notes, f"{page.url}  ({model.name}; Ctrl-C ends it)"],
+                {"url": page.url, "model": model, "notes": list(surfaces.notes)},
+            )
+            if not self.no_open:
+                import webbrowser
+
+                webbrowser.open(page.url)
+            lasted = run_on_page(surfaces, page, self.seconds)
+        announce(f"ended after {lasted:.2f} s of the model's time")
 
     def _take_picture(self, config: SessionConfig, picture: Path) -> None:
         """Write a picture of the page; an interruption reports whether it was written."""
@@ -118,7 +132,10 @@ class ViewCommand:
             ):
                 take_picture(page, picture)
                 taken = True
-                print(f"{picture}: {servo.config.scene.name}")
+                print_result(
+                    f"{picture}: {servo.config.scene.name}",
+                    {"picture": picture, "scene": servo.config.scene.name},
+                )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"{picture} is written" if taken else "") from None
 

@@ -61,13 +61,13 @@ def look_figure(surfaces: Sequence[DesignedSurface]) -> Any:
         (f"{i + 1}: {one.kind}" + ("" if s is None else f", pitch {s * 1e3:.3g} mm"), tile)
         for i, one in enumerate(surfaces) for s, tile in one.tiles.items()
     ][:_MOST_SHOWN]  # fmt: skip
-    columns = min(len(tiles), 4)
+    columns = min(len(tiles), 3)
     rows = -(-len(tiles) // columns)
     side = 8e-3
     with figure_style.style():
         figure, axes = plt.subplots(
             rows, columns, squeeze=False, layout="constrained",
-            figsize=(figure_style.PAGE_WIDTH * columns / 4, 2.75 * rows),
+            figsize=(figure_style.REPORT_WIDTH * columns / 3, 2.75 * rows),
         )  # fmt: skip
         places = (np.arange(320) + 0.5) * side / 320
         light = LightSource(azdeg=315, altdeg=40)
@@ -112,8 +112,8 @@ def targets_figure(surfaces: Sequence[DesignedSurface], ensembles: Sequence[Ense
     demands = surfaces[0].demands
     labels = _varying(demands)
     with figure_style.style():
-        width = figure_style.PAGE_WIDTH if len(demands) * len(shown) > 4 else 6.0
-        figure, axis = plt.subplots(figsize=(width, 3.9), layout="constrained")
+        width = figure_style.REPORT_WIDTH if len(demands) * len(shown) > 4 else 6.0
+        figure, axis = plt.subplots(figsize=(width, 4.2), layout="constrained")
         at = np.arange(len(demands))
         for k, demand in enumerate(demands):
             axis.plot(
@@ -140,7 +140,7 @@ def targets_figure(surfaces: Sequence[DesignedSurface], ensembles: Sequence[Ense
         axis.set_ylabel(demands[0].measure.label.split(",")[0] + f" [{unit}]")
         axis.set_ylim(bottom=0.0)
         axis.set_title("Wanted and reached; bars: 10 to 90 % of 36 hands")
-        axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        figure.legend(*axis.get_legend_handles_labels(), loc="outside lower left", ncols=4)
         plt.close(figure)
     return figure
 

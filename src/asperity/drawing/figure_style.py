@@ -1,7 +1,7 @@
 """The style of all figures, and saving them.
 
-Figures are made at the size at which pages show them (`PAGE_WIDTH`), so that text of `SMALLEST`
-points is that large for a reader.
+Figures are made at the smallest size at which pages show them (`REPORT_WIDTH`), so that text of
+`SMALLEST` points is at least that large for a reader.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ from asperity._core.digits import SUPERSCRIPTS
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 PAGE_WIDTH = 9.6
-"""Width of a figure that is as wide as a page of the report [inch]; `page.css` shows it so."""
+"""Largest width of a figure that is a file of its own [inch]."""
+REPORT_WIDTH = 6.6
+"""Width of a figure of a report [inch]: it fits a window of 700 pixels and a sheet of paper. Where
+there is more room, `page.css` shows it larger."""
 COLUMN_WIDTH = 7.6
 """Width of a figure in a column of the documentation [inch]."""
 SMALLEST = 9.0

@@ -11,7 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLUMN_WIDTH, SMALLEST, style
+from asperity.drawing.figure_style import REPORT_WIDTH, SMALLEST, style
 from asperity.dynamics.dragged_hand.hand import Hand
 
 SHADES = LinearSegmentedColormap.from_list("share", ["#ffffff", "#9ecae1", "#08519c"])
@@ -112,7 +112,7 @@ def hands_grid(
         Returns the shares (hands,) of a row and a column, by their numbers.
     """
     with style():
-        figure = Figure(figsize=(COLUMN_WIDTH, 6.3))
+        figure = Figure(figsize=(REPORT_WIDTH, 6.3))
         axes = figure.subplots(len(rows), len(columns), squeeze=False)
         for i, text in enumerate(rows):
             for j, (_, hands) in enumerate(columns):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -138,26 +137,10 @@ class ModelPage:
         self.close()
 
 
-def simulate_file(
-    path: Path,
-    *,
-    port: int = 8080,
-    triangles: int = _FINE,
-    seconds: float | None = None,
-    opened: bool = False,
-) -> Iterator[str]:
-    """Run a model in real time on a page; yield the lines to print.
+def surfaces_of_file(path: Path) -> Surfaces:
+    """Return the textured surfaces of the model in a file, MJCF or URDF.
 
-    Parameters
-    ----------
-    path : Path
-        MJCF or URDF. `textures.toml` beside it gives the textures, else its `<custom>` texts.
-    port, triangles
-        See `ModelPage`.
-    seconds : float, optional
-        Duration; by default until Ctrl-C.
-    opened : bool
-        Whether a browser is opened.
+    `textures.toml` beside it gives the textures, else its `<custom>` texts.
     """
     if not path.is_file():
         raise AsperityError(f"no model file {path}")
@@ -166,25 +149,26 @@ def simulate_file(
     except ValueError as error:
         raise AsperityError(f"{path}: {str(error).splitlines()[0]}") from None
     beside = path.with_name("textures.toml")
-    surfaces, data = attach(model, beside if beside.is_file() else None), mujoco.MjData(model)
+    return attach(model, beside if beside.is_file() else None)
+
+
+def run_on_page(surfaces: Surfaces, page: ModelPage, seconds: float | None = None) -> float:
+    """Run a model in real time on a page, until Ctrl-C or for `seconds`; return its time [s]."""
+    model = surfaces.model
+    data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
-    yield from surfaces.notes
-    with ModelPage(surfaces, port=port, triangles=triangles) as page:
-        yield f"{page.url}  ({path.name}; Ctrl-C ends it)"
-        if opened:
-            webbrowser.open(page.url)
-        begun, dt = time.perf_counter(), model.opt.timestep
-        with contextlib.suppress(KeyboardInterrupt):
-            while seconds is None or time.perf_counter() - begun < seconds:
-                late = time.perf_counter() - begun - data.time
-                if late < 0.0:
-                    time.sleep(-late)
-                elif late > _BEHIND:
-                    begun += late  # too slow for real time: it runs as fast as it can
-                surfaces.step(data, max(1, min(int(late / dt), _MOST_STEPS)))
-                page.show(data)
-    yield f"ended after {data.time:.2f} s of the model's time"
+    begun, dt = time.perf_counter(), model.opt.timestep
+    with contextlib.suppress(KeyboardInterrupt):
+        while seconds is None or time.perf_counter() - begun < seconds:
+            late = time.perf_counter() - begun - data.time
+            if late < 0.0:
+                time.sleep(-late)
+            elif late > _BEHIND:
+                begun += late  # too slow for real time: it runs as fast as it can
+            surfaces.step(data, max(1, min(int(late / dt), _MOST_STEPS)))
+            page.show(data)
+    return float(data.time)
 
 
 def contact_forces(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:

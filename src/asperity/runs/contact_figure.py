@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLOURS, PAGE_WIDTH, SMALLEST, style
+from asperity.drawing.figure_style import COLOURS, REPORT_WIDTH, SMALLEST, style
 from asperity.drawing.renderer.contact import ContactMoment, Picture
 
 _ARROW_SHARE = 0.30
@@ -21,7 +21,7 @@ _EDGE = 6.0
 def contact_figure(close: Picture, whole: Picture, moment: ContactMoment, title: str) -> Figure:
     """Return the picture of a moment: the whole tool at the left, the contact at the right."""
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 5.5), dpi=_DPI)
+        figure = Figure(figsize=(REPORT_WIDTH, 4.2), dpi=_DPI)
         shares = [_shape(whole)[1] / _shape(whole)[0], _shape(close)[1] / _shape(close)[0]]
         left, right = figure.subplots(1, 2, width_ratios=shares)
         for axis, picture in ((left, whole), (right, close)):
@@ -35,7 +35,7 @@ def contact_figure(close: Picture, whole: Picture, moment: ContactMoment, title:
             _scale_bar(axis, picture)
         left.set_title("The tool on the scene")
         depth = (
-            f"; raised by its depth of {moment.depth.max() * 1e3:.3g} mm, which would hide it"
+            f";\nraised by its depth of {moment.depth.max() * 1e3:.3g} mm, which would hide it"
             if len(moment.depth)
             else "; no contact"
         )
@@ -43,7 +43,7 @@ def contact_figure(close: Picture, whole: Picture, moment: ContactMoment, title:
         _arrows(right, close, moment)
         _frame_mark(left, whole, close, moment)
         figure.suptitle(title, x=0.012, ha="left", fontsize=11, fontweight="bold")
-        figure.subplots_adjust(left=0.012, right=0.988, top=0.885, bottom=0.02, wspace=0.03)
+        figure.subplots_adjust(left=0.012, right=0.988, top=0.85, bottom=0.02, wspace=0.03)
         _keep_inside(figure, right)
     return figure
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLOURS, PAGE_WIDTH, SHADE, style
+from asperity.drawing.figure_style import COLOURS, REPORT_WIDTH, SHADE, style
 from asperity.runs.third_octaves import nominal, third_octaves
 from asperity.runs.tool_motion import Traces, thinned
 from asperity.runs.vibration_metrics import DEFAULT_BAND
@@ -46,7 +46,7 @@ def force_figure(run: Rollout, title: str) -> Figure:
     whole = end - begin < len(run.time)
     shown = force[begin:end]
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 4.3 + 1.5 * whole), dpi=_DPI, layout="constrained")
+        figure = Figure(figsize=(REPORT_WIDTH, 4.6 + 1.5 * whole), dpi=_DPI, layout="constrained")
         ratios = (1.5, 1.0, 0.7)[: 2 + whole]
         axes = np.atleast_1d(figure.subplots(len(ratios), 1, height_ratios=ratios))
         time = (run.time[begin:end] - run.time[begin]) * 1e3
@@ -59,7 +59,7 @@ def force_figure(run: Rollout, title: str) -> Figure:
         axes[0].tick_params(labelbottom=False)
         axes[1].set_xlabel(f"time [ms]{_pace(run, begin, end)}")
         axes[1].set_title(
-            f"Normal force, along {_AXES[normal]}, less its mean of {means[normal]:.3g} N: "
+            f"Normal force, along {_AXES[normal]}, less its mean of {means[normal]:.3g} N:\n"
             f"{_swing(rest)} from peak to peak"
         )  # fmt: skip
         swing = np.ptp(shown[:, across], axis=0).max() if len(shown) else 0.0
@@ -77,7 +77,7 @@ def torque_figure(run: Rollout, title: str) -> Figure:
     torque = run.contact_wrench[begin:end, 3:]
     means = torque.mean(axis=0)
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 3.0), dpi=_DPI, layout="constrained")
+        figure = Figure(figsize=(REPORT_WIDTH, 3.3), dpi=_DPI, layout="constrained")
         axis = figure.subplots()
         traces = [
             (f"about {name}, less {round(1e3 * means[i], 3):.3g} mN m", torque[:, i] - means[i], i)
@@ -87,7 +87,7 @@ def torque_figure(run: Rollout, title: str) -> Figure:
         _lines(axis, time, traces, 1e3, "mN m", "torque")
         axis.set_xlabel(f"time [ms]{_pace(run, begin, end)}")
         axis.set_title(f"{title}\nTorque about the tool's centre of mass, less its mean")
-        figure.legend(*axis.get_legend_handles_labels(), loc="outside lower left", ncols=3)
+        figure.legend(*axis.get_legend_handles_labels(), loc="outside lower left", ncols=2)
     return figure
 
 
@@ -201,7 +201,7 @@ def _third_octave_figure(
 ) -> Figure:  # fmt: skip
     """Return bars of the RMS in third octaves; the title names the largest."""
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 3.1), dpi=_DPI, layout="constrained")
+        figure = Figure(figsize=(REPORT_WIDTH, 3.3), dpi=_DPI, layout="constrained")
         axis = figure.subplots()
         axis.set(xlabel="third octave around [Hz]", ylabel=f"{what},\nRMS [{unit}]")
         axis.set_title(f"{title}\n{what} in third octaves")
@@ -218,21 +218,21 @@ def _third_octave_figure(
         axis.bar(place, rms, width=0.09, color=COLOURS[0])
         if band:
             axis.axvspan(*np.log10(band).tolist(), color=SHADE, zorder=0, lw=0)
-        every = max(1, -(-len(middles) // 18))
+        every = max(1, -(-len(middles) // 13))
         axis.set_xticks(place[::every], [nominal(f) for f in middles[::every]])
         axis.grid(axis="x", visible=False)
         axis.set_xlim(place[0] - 0.08, place[-1] + 0.08)
         most = int(np.argmax(rms))
         shaded = f"; shaded: {band[0]:g} to {band[1]:g} Hz" if band else ""
         axis.set_title(f"{title}\n{what.capitalize()}: most in the third octave around "
-                       f"{nominal(middles[most])} Hz, {rms[most]:.3g} {unit}{shaded}")  # fmt: skip
+                       f"{nominal(middles[most])} Hz,\n{rms[most]:.3g} {unit}{shaded}")  # fmt: skip
     return figure
 
 
 def traces_figure(traces: Traces, title: str) -> Figure:
     """Return force, torque, acceleration and penetration depth over time, one below the other."""
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 7.4), dpi=_DPI)
+        figure = Figure(figsize=(REPORT_WIDTH, 7.4), dpi=_DPI)
         axes = figure.subplots(4, 1, sharex=True)
         for axis, values, label in (
             (axes[0], traces.force, "force [N]"),
@@ -249,7 +249,7 @@ def traces_figure(traces: Traces, title: str) -> Figure:
             axes[3].text(0.5, 0.5, "not in this recording", ha="center", va="center",
                          transform=axes[3].transAxes, color="#777777")  # fmt: skip
             axes[3].set_ylabel("depth [mm]")
-        axes[0].set_title(f"{title}\nforce and torque on the tool, world axes; torque about its "
+        axes[0].set_title(f"{title}\nforce and torque on the tool, world axes;\ntorque about its "
                           "centre of mass")  # fmt: skip
         axes[-1].set_xlabel("time [s]")
         axes[0].legend(ncols=3, **_ABOVE)

@@ -42,8 +42,7 @@ def live_page(
     triangles : int
         Largest number of triangles shown.
     host, port : str, int
-        At any address but the loopback, a token is required; what this exposes, and the address
-        with its token, are printed.
+        At any address but the loopback, a token is required; `Page.notice` says what this exposes.
     """
     client, panels = instrument_panels(servo, folder)
     shown: Any = client  # has all attributes of a ServoClient
@@ -54,8 +53,6 @@ def live_page(
         return [*first, *panels]
 
     with serve(shown, made, host=host, port=port, links=links) as page:
-        if page.notice:
-            print(page.notice, flush=True)
         yield page
 
 

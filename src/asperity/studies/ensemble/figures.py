@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from asperity.drawing.figure_style import COLUMN_WIDTH, SMALLEST, style
+from asperity.drawing.figure_style import REPORT_WIDTH, SMALLEST, style
 from asperity.drawing.shares import draw_shares, hands_grid, make_bare
 from asperity.runs.vibration_metrics import METRICS
 from asperity.studies.ensemble.run import Answer, EnsembleResult
@@ -19,7 +19,7 @@ _FLIPPING = (
     "speed.peak_moves_right",
 )
 """The claims, in both questions, that depend most on the hand."""
-_LABELS = 3.75
+_LABELS = 3.45
 """Room for the names of claims [inch]."""
 _ROW = 0.29
 """Height of a row of claims [inch]."""
@@ -39,26 +39,26 @@ def claims_figure(result: EnsembleResult) -> Figure:
     )
     heads = [0.55, 0.75]
     heights = [_ROW * len(answer.claims) for answer in answers]
-    total = sum(heights) + sum(heads) + 0.45
+    total = sum(heights) + sum(heads) + 0.55
     widest = max(len(answer.metrics) for answer in answers)
-    cell = (COLUMN_WIDTH - _LABELS - 0.1) / widest / COLUMN_WIDTH
+    cell = (REPORT_WIDTH - _LABELS - 0.1) / widest / REPORT_WIDTH
     with style():
-        figure = Figure(figsize=(COLUMN_WIDTH, total))
+        figure = Figure(figsize=(REPORT_WIDTH, total))
         top = total
         for answer, title, head, height in zip(answers, titles, heads, heights, strict=True):
             top -= head
             figure.text(0.01, (top + head - 0.2) / total, title, fontsize=10, va="center")
             axis = figure.add_axes((
-                _LABELS / COLUMN_WIDTH, (top - height) / total,
+                _LABELS / REPORT_WIDTH, (top - height) / total,
                 cell * len(answer.metrics), height / total,
             ))  # fmt: skip
             _shares(axis, answer)
             top -= height
         members = [len(answer.hands) * len(answer.plates) for answer in answers]
         figure.text(
-            0.01, 0.22 / total,
+            0.01, 0.27 / total,
             f"Share of the members in which a claim holds [%]: {members[0]} in (a), {members[1]} "
-            "in (b). Grey: by construction, not counted.",
+            "in (b).\nGrey: by construction, not counted.",
             fontsize=SMALLEST, color="#444444", va="center",
         )  # fmt: skip
     return figure
@@ -69,7 +69,9 @@ def _shares(axis: Axes, answer: Answer) -> None:
     counts = np.repeat(answer.counted[:, None], columns, axis=1)
     draw_shares(axis, answer.shares.T, counts)
     axis.set(xlim=(0, columns), ylim=(rows, 0))
-    axis.set_yticks(np.arange(rows) + 0.5, [claim.text for claim in answer.claims])
+    axis.set_yticks(
+        np.arange(rows) + 0.5, [claim.text.replace(" (", "\n(") for claim in answer.claims]
+    )
     axis.set_xticks(np.arange(columns) + 0.5, [metric_label(name) for name in answer.metrics])
     axis.xaxis.tick_top()
     make_bare(axis)

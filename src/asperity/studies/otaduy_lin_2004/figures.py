@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,7 +16,7 @@ from asperity._core.digits import telling
 from asperity.drawing.figure_style import (
     COLOURS,
     MARKERS,
-    PAGE_WIDTH,
+    REPORT_WIDTH,
     SMALLEST,
     log_scale,
     style,
@@ -42,22 +43,17 @@ def level_labels(data: xr.Dataset) -> list[str]:
 
 
 def study_figure(data: xr.Dataset, metrics: Sequence[str]) -> Figure:
-    """Return one panel for each of up to four metrics of a study, over spacing, log-log.
+    """Return one panel for each metric of a study, one below the other, over spacing, log-log.
 
     Points are simulated; the thin line is the quadratic fit in log-log, with its R^2 in the
     legend; the filled mark with its bar is the peak found by local refinement.
     """
-    rows = 1 if len(metrics) < 3 else 2
-    columns = 1 if len(metrics) == 1 else 2
     with style():
-        height = 3.8 * rows if columns > 1 else 4.2
-        figure = Figure(figsize=(PAGE_WIDTH if columns > 1 else 7.2, height))
-        axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
-        for axis, metric in zip(axes, metrics, strict=False):
+        figure = Figure(figsize=(REPORT_WIDTH, (4.0 if len(metrics) == 1 else 3.4) * len(metrics)))
+        axes = np.atleast_1d(figure.subplots(len(metrics), 1))
+        for axis, metric in zip(axes, metrics, strict=True):
             _draw_levels(axis, data, metric)
-        for axis in axes[len(metrics) :]:
-            axis.set_visible(False)
-        figure.tight_layout(w_pad=2.0, h_pad=1.5)
+        figure.tight_layout(h_pad=1.5)
     return figure
 
 
@@ -125,8 +121,9 @@ def models_figure(data: xr.Dataset, metric: str, titles: Sequence[str]) -> Figur
     labels = level_labels(data)
     spacing = data["spacing"].values * 1e3
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 3.8), layout="constrained")
-        axes = figure.subplots(1, data.sizes["model"], sharey=True)
+        rows = -(-data.sizes["model"] // 2)
+        figure = Figure(figsize=(REPORT_WIDTH, 2.6 * rows + 0.6), layout="constrained")
+        axes = figure.subplots(rows, 2, sharex=True, sharey=True).ravel()
         for axis, model, title in zip(axes, data["model"].values, titles, strict=True):
             values = data[metric].sel(model=model).values
             for level, label in enumerate(labels):
@@ -147,9 +144,11 @@ def models_figure(data: xr.Dataset, metric: str, titles: Sequence[str]) -> Figur
                 fontsize=SMALLEST,
             )  # fmt: skip
             _limit(axis, spacing, 0.6 * float(data[metric].min()), 1.4 * float(data[metric].max()))
-            axis.set_xlabel("spacing [mm]")
         attrs = data[metric].attrs
-        axes[0].set_ylabel(f"{attrs['long_name']} [{attrs['units']}]")
+        for axis in axes[-2:]:
+            axis.set_xlabel("spacing [mm]")
+        for axis in axes[::2]:
+            axis.set_ylabel(f"{attrs['long_name']} [{attrs['units']}]")
         figure.legend(
             *axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(labels),
             title="probe diameter",
@@ -160,7 +159,7 @@ def models_figure(data: xr.Dataset, metric: str, titles: Sequence[str]) -> Figur
 def rub_figure(data: xr.Dataset) -> Figure:
     """Return the rub of several probes over one surface: map, offsets, vibration by band."""
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 6.4), layout="constrained")
+        figure = Figure(figsize=(REPORT_WIDTH, 5.6), layout="constrained")
         grid = figure.add_gridspec(2, 2, width_ratios=[1.0, 1.7])
         chart = figure.add_subplot(grid[0, 0])
         _draw_map(figure, chart, data)
@@ -179,17 +178,17 @@ def rub_figure(data: xr.Dataset) -> Figure:
 def maps_figure(rubs: Sequence[xr.Dataset]) -> Figure:
     """Return the maps of surfaces, side by side, with the paths of the probes."""
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 3.7), layout="constrained")
+        figure = Figure(figsize=(REPORT_WIDTH, 3.0), layout="constrained")
         for axis, data in zip(_row(figure, len(rubs)), rubs, strict=True):
             _draw_map(figure, axis, data)
-            axis.set_title(data.attrs["title"])
+            axis.set_title(_in_lines(data))
     return figure
 
 
 def offsets_figure(rubs: Sequence[xr.Dataset]) -> Figure:
     """Return the first millimetres of surfaces, one below the other, and what probes trace."""
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 1.75 * len(rubs) + 0.6), layout="constrained")
+        figure = Figure(figsize=(REPORT_WIDTH, 1.75 * len(rubs) + 0.6), layout="constrained")
         axes = np.atleast_1d(figure.subplots(len(rubs), 1, sharex=True))
         for axis, data in zip(axes, rubs, strict=True):
             _draw_offsets(axis, data)
@@ -206,11 +205,11 @@ def offsets_figure(rubs: Sequence[xr.Dataset]) -> Figure:
 def ratios_figure(rubs: Sequence[xr.Dataset]) -> Figure:
     """Return, for each surface, the vibration of larger probes over that of the smallest."""
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 3.6), layout="constrained")
+        figure = Figure(figsize=(REPORT_WIDTH, 3.6), layout="constrained")
         axes = _row(figure, len(rubs), sharey=True)
         for axis, data in zip(axes, rubs, strict=True):
             _draw_ratios(axis, data)
-            axis.set_title(data.attrs["title"])
+            axis.set_title(_in_lines(data))
         axes[0].set_ylabel(_RATIO.format(_probes(rubs[0])[0]))
         axes[0].legend(title="probe", loc="lower left", handlelength=1.4)
     return figure
@@ -220,7 +219,7 @@ def vibration_figure(rubs: Sequence[xr.Dataset], seconds: float = 0.25) -> Figur
     """Return the acceleration of the hand over time with the smallest and the largest probe."""
     seconds = min(seconds, *(float(data["time"].values[-1]) for data in rubs))
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 1.75 * len(rubs) + 0.6), layout="constrained")
+        figure = Figure(figsize=(REPORT_WIDTH, 1.75 * len(rubs) + 0.6), layout="constrained")
         axes = np.atleast_1d(figure.subplots(len(rubs), 1, sharex=True))
         for axis, data in zip(axes, rubs, strict=True):
             time = data["time"].values
@@ -241,6 +240,11 @@ def vibration_figure(rubs: Sequence[xr.Dataset], seconds: float = 0.25) -> Figur
 
 def _row(figure: Figure, count: int, *, sharey: bool = False) -> NDArray[Any]:
     return np.atleast_1d(figure.subplots(1, count, sharey=sharey))
+
+
+def _in_lines(data: xr.Dataset) -> str:
+    """Return the title of a surface in lines that fit a third of a figure."""
+    return textwrap.fill(data.attrs["title"], 20)
 
 
 def _probes(data: xr.Dataset) -> list[str]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -91,11 +92,13 @@ class Drawable:
 def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Drawable]:
     """Return the surfaces of a scene with at most `triangles` triangles.
 
-    A budget that is too small for the undisplaced shapes is exceeded.
+    A budget that is too small for the undisplaced shapes is exceeded. A plane that is the ground
+    (`ground_height`) is left empty.
     """
     parts = scene_parts(scene, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
     centre, radius = _extent(scene, parts)
-    views = [_view(part, centre, radius, first_contact(scene), scene.start) for part in parts]
+    contact = first_contact(scene)
+    views = [_view(part, centre, radius, contact, scene.start) for part in parts]
     return shapes_of_parts(parts, views, radius, triangles, materials=True)
 
 
@@ -147,6 +150,40 @@ def shapes_of_parts(
             wanted = max(wanted, _COARSER * spacing)
         spacing = float(max(wanted, _FINEST))
     return best or fewest
+
+
+def ground_height(scene: Scene) -> float | None:
+    """Return the height of the ground [m]: a level plane without texture, else what all rest on.
+
+    None if there is a plane that is not level, or has a texture: it is drawn as it is.
+    """
+    planes = [part for part in scene_parts(scene, scene.start) if _is_plane(part)]
+    if planes:
+        return float(planes[0].pose[2]) if all(map(_is_ground, planes)) else None
+    model, data = scene.model, mujoco.MjData(scene.model)
+    mujoco.mj_kinematics(model, data)
+    tool = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, scene.tool)
+    lowest = [
+        float(data.geom_xpos[i, 2] + up @ box[:3] - np.abs(up) @ box[3:])
+        for i, (up, box) in enumerate(
+            zip(data.geom_xmat.reshape(-1, 3, 3)[:, 2], model.geom_aabb, strict=True)
+        )
+        if model.geom_bodyid[i] != tool
+    ]
+    return min(lowest, default=None)
+
+
+def _is_plane(part: Part) -> bool:
+    return part.body.mesh is None and any(g.kind == "plane" for g in part.body.geoms)
+
+
+def _is_ground(part: Part) -> bool:
+    """Return whether a part is a level plane without texture."""
+    if not _is_plane(part) or part.is_tool or part.body.fields:
+        return False
+    geom = part.body.geoms[0]
+    up = rotation_of(part.pose[3:]) @ rotation_of(np.asarray(geom.quaternion))[:, 2]
+    return len(part.body.geoms) == 1 and not np.any(geom.position) and bool(up[2] > 1.0 - 1e-6)
 
 
 def _extent(scene: Scene, parts: list[Part]) -> tuple[Array, float]:
@@ -208,8 +245,7 @@ def _view(part: Part, centre: Array, radius: float, contact: Array, start: Array
         return ViewBall(contact, _FINE, 100)
     if part.is_tool:
         return ViewBall(np.zeros(3), 4.0 * radius, 100)
-    is_plane = part.body.mesh is None and any(g.kind == "plane" for g in part.body.geoms)
-    return ViewBall(centre, (_WIDE if is_plane else 2.0) * radius, 100)
+    return ViewBall(centre, (_WIDE if _is_plane(part) else 2.0) * radius, 100)
 
 
 def _shape(part: Part, view: ViewBall, spacing: float, number: int, materials: bool) -> Drawable:
@@ -220,10 +256,11 @@ def _shape(part: Part, view: ViewBall, spacing: float, number: int, materials: b
         spacing = max(spacing, _rounding(part))
     view = view._replace(samples=max(int(2.0 * view.radius / spacing), 4))
     surfaces, faces, count = [], [], 0
+    hidden = materials and _is_ground(part)
     made_of = material_of(part.colour) if materials else None
     paint = _paint(part, made_of)
     atlas, places = _atlas(part, paint), []
-    for sheet in part.sheets(view):
+    for sheet in () if hidden else part.sheets(view):
         if atlas is not None and sheet.face is not None and sheet.weights is not None:
             places.append(atlas.places(sheet.face, sheet.weights).reshape(-1, 2))
         *surface, triangles = _thinned(sheet)

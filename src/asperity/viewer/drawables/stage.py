@@ -13,8 +13,14 @@ from asperity.viewer.drawables.shapes import Drawable
 Array = NDArray[np.float64]
 ViserServer = Any
 """`viser.ViserServer`; the package is optional."""
-UNITS = 100.0
-"""Units of the view per metre."""
+UNITS = 40.0
+"""Units of the view per metre. viser draws shadows up to 20 units from the camera, and shifts them
+by 0.02 units: a hand tool is seen whole from nearer than that, and its shadow begins at its tip.
+"""
+_GRID, _SECTION = 0.01, 0.05
+"""Distance between lines of the ground, and between strong lines [m]."""
+_HORIZON = 14.0
+"""Distance at which the ground has faded, over the size of what is seen."""
 
 
 def set_up_lights(server: ViserServer) -> None:
@@ -24,16 +30,37 @@ def set_up_lights(server: ViserServer) -> None:
     scene.world_axes.visible = False
     scene.set_background_image(_backdrop(), format="png")
     scene.configure_default_lights(False)
-    scene.configure_environment_map("studio", environment_intensity=0.3)
+    scene.configure_environment_map("studio", environment_intensity=0.55)
     scene.add_light_hemisphere(
-        "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=0.4
+        "/light/sky", sky_color=(255, 255, 255), ground_color=(120, 110, 100), intensity=0.25
     )
     scene.add_light_directional(
-        "/light/key", intensity=1.5, cast_shadow=True, position=(-8.0, -10.0, 22.0)
-    )
+        "/light/key", color=(255, 248, 238), intensity=2.6, cast_shadow=True,
+        position=(-6.0, -9.0, 16.0),
+    )  # fmt: skip
     scene.add_light_directional(
-        "/light/rim", color=(200, 215, 255), intensity=0.3, position=(14.0, 16.0, 8.0)
+        "/light/rim", color=(200, 215, 255), intensity=0.5, position=(14.0, 16.0, 8.0)
     )
+
+
+def add_ground(server: ViserServer, height: float, size: float) -> Any:
+    """Add a ground with lines a centimetre apart, on which shadows fall; return its node.
+
+    Parameters
+    ----------
+    server : viser.ViserServer
+    height : float
+        Of the ground [m].
+    size : float
+        Of what is seen [m]: the ground fades at some distance.
+    """
+    return server.scene.add_grid(
+        "/ground", infinite_grid=True, plane="xy", position=(0.0, 0.0, UNITS * height),
+        cell_size=UNITS * _GRID, section_size=UNITS * _SECTION, cell_thickness=0.7,
+        section_thickness=1.1, cell_color=(190, 196, 204), section_color=(160, 168, 178),
+        plane_color=(226, 229, 233), plane_opacity=1.0, shadow_opacity=0.32,
+        fade_distance=UNITS * _HORIZON * size, fade_strength=1.5,
+    )  # fmt: skip
 
 
 def add_shape(

@@ -68,7 +68,7 @@ class MousePanel(Panel):
         """Add the gizmo and the controls."""
         self._server, self._servo = server, servo
         self._gizmo = server.scene.add_transform_controls(
-            "/gizmo", scale=2.0, line_width=3.0, depth_test=False, opacity=0.8
+            "/gizmo", scale=0.02 * UNITS, line_width=3.0, depth_test=False, opacity=0.8
         )
         self._gizmo.on_update(self._drag)
         server.on_client_disconnect(lambda client: self.holder.gone(client.client_id))

@@ -1,8 +1,8 @@
 """The 3-D scene: displaced bodies, tool and handle, contacts, forces.
 
 Geometry is sent to the browser once; an update moves the tool and the handle and redraws a few
-arrows. The view is in centimetres, because scenes are millimetres in size and the browser's camera
-is made for metres.
+arrows. The view is in units of `stage.UNITS`, because scenes are millimetres in size and the browser's
+camera is made for metres.
 """
 
 from __future__ import annotations
@@ -18,9 +18,16 @@ from asperity.geometry.poses import rotation_of
 from asperity.realtime.servo.snapshot import Snapshot
 from asperity.scene.scene import Scene
 from asperity.viewer.drawables.colours import CONTACT, FORCE, HANDLE, TORQUE
-from asperity.viewer.drawables.shapes import TRIANGLES, Drawable, first_contact, shapes_of
+from asperity.viewer.drawables.shapes import (
+    TRIANGLES,
+    Drawable,
+    first_contact,
+    ground_height,
+    shapes_of,
+)
 from asperity.viewer.drawables.stage import (
     UNITS,
+    add_ground,
     add_shape,
     disc,
     place,
@@ -46,7 +53,7 @@ _OUTLINE = 500
 """Approximate number of points from which the tool's highest point is found."""
 _VIEW = np.array([0.75, -1.0, 0.55])
 """Direction from the middle of the tool to the camera."""
-_WHOLE = 16.0
+_WHOLE = 0.16 * UNITS
 """Largest part of the tool in the initial view [units]."""
 _VIEW_NEAR, _NEARNESS = np.array([0.6, -1.0, 0.75]), 2.6
 """The same near the contact, and its distance over the radius of what is drawn finely."""
@@ -57,7 +64,7 @@ _POINT, _POINT_NEAR = 0.014, 0.15
 """Size of a contact over the visible size, and the factor on it near the contact."""
 _AWAY = 0.8
 """Way of the contact, over the radius of the detail, that a near view follows."""
-_SHADOW, _DISCS, _ABOVE = 0.035, 6, 0.012
+_SHADOW, _DISCS, _ABOVE = 0.035, 6, 1.2e-4 * UNITS
 """Radius of the shadow at the contact over the visible size, discs in it, height above [units]."""
 _CLOSENESS, _ASIDE = 2.45, 0.2
 """Distance of the camera, and its offset to the side, over the size of the visible part."""
@@ -197,7 +204,7 @@ class SceneView(Panel):
         self._size = float(np.linalg.norm(np.ptp(tool, axis=0))) * UNITS
         self._seen = min(self._size, _WHOLE)
         self._thin = False
-        self.detail.begin(scene, 0.01 * self._seen * _REACH)
+        self.detail.begin(scene, self._seen / UNITS * _REACH)
         add = self._server.scene
         self._tool = add.add_frame("/tool", show_axes=False)
         self._ghost = add.add_frame("/handle", show_axes=False)
@@ -205,6 +212,9 @@ class SceneView(Panel):
         for shape in self.shapes:
             if len(shape.faces):
                 self._add(shape, "/tool" if shape.is_tool else "/scene")
+        ground = ground_height(scene)
+        if ground is not None:
+            self._nodes.append(add_ground(self._server, ground, self._seen / UNITS))
         self._add_ghost(scene)
         self._add_marks()
         self._set_camera(scene, tool)
@@ -235,7 +245,9 @@ class SceneView(Panel):
                         UNITS * shape.vertices,
                         shape.faces,
                         color=HANDLE,
-                        opacity=0.22,
+                        opacity=0.4,
+                        # Where it coincides with the tool, the tool is in front.
+                        side="back",
                         cast_shadow=False,
                         receive_shadow=False,
                     )
