@@ -99,7 +99,7 @@ RATINGS = "stimulus,rating\nx,1\ny,2\nz,4\nw,3\n"
 TARGET = "[target]\nvalue = 1.2\n[search]\ncandidates = 1\nstarts = 1\nstrokes = 1\n"
 COMMAND_LINES = {
     "demo": ["demo", "--out", "o"],
-    "study": ["study", "speed", "--spacings", "4"],
+    "study": ["study", "speed", "--spacings", "5"],
     "run": ["run", "probe-plate", "--seconds", "0.05"],
     "view": ["view", "probe-plate", "--no-open", "--port", "0", "--seconds", "0.2"],
     "record": ["record", "probe-plate", "--seconds", "0.2"],

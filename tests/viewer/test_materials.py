@@ -6,7 +6,12 @@ import pytest
 from asperity.drawing.renderer.parts import GROUND_COLOUR, TOOL_COLOUR
 from asperity.scene.builtin import load_scene
 from asperity.viewer.drawables.materials import material_of
-from asperity.viewer.drawables.shapes import detail_of, first_contact, shapes_of
+from asperity.viewer.drawables.shapes import (
+    detail_of,
+    first_contact,
+    ground_height,
+    shapes_of,
+)
 
 
 @pytest.mark.parametrize(
@@ -53,3 +58,40 @@ def test_near_the_contact_relief_is_finer_than_in_the_whole(scene):
         if centre is not None:
             away = np.linalg.norm(corners.mean(axis=1) - centre, axis=1)
             assert away.max() < 1.1 * radius
+
+
+BALL_ON = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1" pos="0 0 {height}"
+euler="{tilt} 0 0"/><body name="ball" pos="0 0 .12"><freejoint/><geom type="sphere" size=".01"/>
+</body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("name", "height"), [("probe-plate", -0.008), ("hammer-blocks", 0.0), ("file-cad", 0.0)]
+)
+def test_bodies_rest_on_the_ground(name, height):
+    scene = load_scene(name)
+    assert ground_height(scene) == pytest.approx(height, abs=1e-9)
+    drawn = [s.vertices for s in shapes_of(scene, 20_000) if not s.is_tool and len(s.faces)]
+    lowest = min(vertices[:, 2].min() for vertices in drawn)
+    assert lowest == pytest.approx(height, abs=2e-4)  # the relief of the underside
+
+
+def test_a_plane_that_is_the_ground_is_not_drawn_as_a_body():
+    shown = [s for s in shapes_of(load_scene("hammer-blocks"), 20_000) if len(s.faces)]
+    assert not any(s.name.startswith("table") for s in shown)
+    assert {s.name.split("-")[0] for s in shown} == {"block", "hammer"}
+
+
+@pytest.mark.parametrize(
+    ("height", "tilt", "texture", "ground"),
+    [(0.1, 0, False, 0.1), (0.1, 5, False, None), (0.0, 0, True, None)],
+)
+def test_a_plane_that_leans_or_has_a_texture_is_drawn(tmp_path, height, tilt, texture, ground):
+    (tmp_path / "scene.xml").write_text(BALL_ON.format(height=height, tilt=tilt))
+    bodies = '[bodies.world.texture]\nkind = "sinusoid"\nwavelength = 2e-3\namplitude = 1e-4\n'
+    text = 'schema = 1\n[tool]\nbody = "ball"\n' + texture * bodies
+    (tmp_path / "scene.toml").write_text(text)
+    scene = load_scene(tmp_path)
+    assert ground_height(scene) == (pytest.approx(ground) if ground is not None else None)
+    plane = [s for s in shapes_of(scene, 5_000) if not s.is_tool]
+    assert [bool(len(s.faces)) for s in plane] == [ground is None]

@@ -159,7 +159,9 @@ def ground_height(scene: Scene) -> float | None:
     """
     planes = [part for part in scene_parts(scene, scene.start) if _is_plane(part)]
     if planes:
-        return float(planes[0].pose[2]) if all(map(_is_ground, planes)) else None
+        at, pose = planes[0].body.geoms[0].position, planes[0].pose
+        height = float(pose[2] + rotation_of(pose[3:])[2] @ np.asarray(at))
+        return height if all(map(_is_ground, planes)) else None
     model, data = scene.model, mujoco.MjData(scene.model)
     mujoco.mj_kinematics(model, data)
     tool = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, scene.tool)
@@ -183,7 +185,7 @@ def _is_ground(part: Part) -> bool:
         return False
     geom = part.body.geoms[0]
     up = rotation_of(part.pose[3:]) @ rotation_of(np.asarray(geom.quaternion))[:, 2]
-    return len(part.body.geoms) == 1 and not np.any(geom.position) and bool(up[2] > 1.0 - 1e-6)
+    return len(part.body.geoms) == 1 and bool(up[2] > 1.0 - 1e-6)
 
 
 def _extent(scene: Scene, parts: list[Part]) -> tuple[Array, float]:

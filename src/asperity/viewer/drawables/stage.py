@@ -38,9 +38,6 @@ def set_up_lights(server: ViserServer) -> None:
         "/light/key", color=(255, 248, 238), intensity=2.6, cast_shadow=True,
         position=(-6.0, -9.0, 16.0),
     )  # fmt: skip
-    scene.add_light_directional(
-        "/light/rim", color=(200, 215, 255), intensity=0.5, position=(14.0, 16.0, 8.0)
-    )
 
 
 def add_ground(server: ViserServer, height: float, size: float) -> Any:
