@@ -1,7 +1,7 @@
 """The 3-D scene: displaced bodies, tool and handle, contacts, forces.
 
 Geometry is sent to the browser once; an update moves the tool and the handle and redraws a few
-arrows. The view is in units of `stage.UNITS`, because scenes are millimetres in size and the browser's
+arrows. The view is in units of `stage.UNITS`, as scenes are millimetres in size and the browser's
 camera is made for metres.
 """
 
