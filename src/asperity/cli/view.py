@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +16,8 @@ from asperity.cli.result import announce, print_result
 from asperity.errors import AsperityError
 
 if TYPE_CHECKING:
+    from asperity.viewer.panels.scene_view import SceneLook
+    from asperity.viewer.servo_client import ServoClient
     from asperity.viewer.session_config import SessionConfig
 
 FIRST = "probe-plate"
@@ -64,25 +68,32 @@ class ViewCommand:
         """Serve the page until the end."""
         if self.screenshot is not None and self.screenshot.suffix.lower() not in _PICTURES:
             raise AsperityError(f"--screenshot must be a .png or .jpg file, got {self.screenshot}")
-        from asperity.viewer.server.server import require_viser
-
-        require_viser()
+        if importlib.util.find_spec("viser") is None:
+            raise AsperityError("the page needs viser: pip install 'asperity[view]'")
         if self.simulate:
             self._simulate()
             return
         config = self._config()
         from asperity.simulation.tool_contact import announce_compiling
-        from asperity.viewer.app import live_page
         from asperity.viewer.servo_client import ServoClient
 
         announce_compiling()
         if self.screenshot is not None:
             self._take_picture(config, self.screenshot)
             return
-        with (
-            ServoClient(config) as servo,
-            live_page(servo, self.out, self.triangles, host=self.host, port=self.port) as page,
-        ):
+        # The servo process starts, which takes a second or two, while what the page shows is made.
+        with ThreadPoolExecutor(1) as aside:
+            looking = aside.submit(_look, config, self.triangles)
+            with ServoClient(config) as servo:
+                self._serve(servo, config, looking.result())
+
+    def _serve(self, servo: ServoClient, config: SessionConfig, look: SceneLook) -> None:
+        """Serve the page of a running loop until the end."""
+        from asperity.viewer.app import live_page
+
+        with live_page(
+            servo, self.out, self.triangles, host=self.host, port=self.port, ready=look
+        ) as page:
             if page.notice:
                 announce(page.notice)
             print_result(
@@ -158,3 +169,13 @@ class ViewCommand:
             options=parse_device_options(self.options.device_option),
             **self.options.session(),
         )
+
+
+def _look(config: SessionConfig, triangles: int) -> SceneLook:
+    """Return what the page shows at first; import what the page is made of on the way."""
+    import viser  # noqa: F401
+
+    import asperity.viewer.app  # noqa: F401
+    from asperity.viewer.panels.scene_view import SceneLook
+
+    return SceneLook.of(config.scene, triangles)

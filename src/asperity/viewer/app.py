@@ -16,7 +16,7 @@ from asperity.viewer.panels.panel import Panel
 from asperity.viewer.panels.plots import PlotsPanel
 from asperity.viewer.panels.record import RecordPanel
 from asperity.viewer.panels.roughness import RoughnessPanel
-from asperity.viewer.panels.scene_view import SceneView
+from asperity.viewer.panels.scene_view import SceneLook, SceneView
 from asperity.viewer.panels.sound import SoundPanel
 from asperity.viewer.panels.status import StatusPanel
 from asperity.viewer.panels.stimuli import StimuliPanel
@@ -29,8 +29,9 @@ from asperity.viewer.timeline import Timeline, TimelineClient
 
 @contextmanager
 def live_page(
-    servo: ServoClient, folder: Path, triangles: int, *, host: str = LOCAL, port: int = 8080
-) -> Iterator[Page]:
+    servo: ServoClient, folder: Path, triangles: int, *, host: str = LOCAL, port: int = 8080,
+    ready: SceneLook | None = None,
+) -> Iterator[Page]:  # fmt: skip
     """Serve the page of a running loop until the block ends.
 
     Parameters
@@ -43,13 +44,15 @@ def live_page(
         Largest number of triangles shown.
     host, port : str, int
         At any address but the loopback, a token is required; `Page.notice` says what this exposes.
+    ready : SceneLook, optional
+        Of the first scene, if it has been made.
     """
     client, panels = instrument_panels(servo, folder)
     shown: Any = client  # has all attributes of a ServoClient
     timeline, links = client.timeline, LinkRequests()
 
     def made() -> list[Panel]:
-        first = live_panels(triangles, timeline=timeline, links=links, folder=folder)
+        first = live_panels(triangles, timeline=timeline, links=links, folder=folder, ready=ready)
         return [*first, *panels]
 
     with serve(shown, made, host=host, port=port, links=links) as page:
@@ -62,6 +65,7 @@ def live_panels(
     timeline: Timeline | None = None,
     links: LinkRequests | None = None,
     folder: Path = Path("out/view"),
+    ready: SceneLook | None = None,
 ) -> list[Panel]:
     """Return the panels that control a running loop, in the order of their tabs.
 
@@ -77,8 +81,10 @@ def live_panels(
         Links that browsers open.
     folder : Path
         Where scenes are saved.
+    ready : SceneLook, optional
+        As of `live_page`.
     """
-    mouse, view = MousePanel(), SceneView(triangles)
+    mouse, view = MousePanel(), SceneView(triangles, ready)
     return [
         StatusPanel(timeline), ActionsPanel(mouse, view, timeline, links, folder), mouse,
         ControlsPanel(), StimuliPanel(), TexturesPanel(view), view,

@@ -8,7 +8,7 @@ camera is made for metres.
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +70,20 @@ _CLOSENESS, _ASIDE = 2.45, 0.2
 """Distance of the camera, and its offset to the side, over the size of the visible part."""
 
 
+class SceneLook(NamedTuple):
+    """The surfaces of a scene, and the smooth ones of the handle."""
+
+    scene: Scene
+    shapes: list[Drawable]
+    ghost: list[Drawable]
+
+    @classmethod
+    def of(cls, scene: Scene, triangles: int = TRIANGLES) -> SceneLook:
+        """Return the surfaces of a scene with at most `triangles` triangles."""
+        ghost = [s for s in shapes_of(scene.smooth(), _GHOST_TRIANGLES) if s.is_tool]
+        return cls(scene, shapes_of(scene, triangles), ghost)
+
+
 class SceneView(Panel):
     """The 3-D scene, a panel without a tab.
 
@@ -77,12 +91,14 @@ class SceneView(Panel):
     ----------
     triangles : int
         Largest number of triangles of all bodies together.
+    ready : SceneLook, optional
+        Of the first scene, if it has been made.
     """
 
     title = ""
 
-    def __init__(self, triangles: int = TRIANGLES) -> None:
-        self._triangles = triangles
+    def __init__(self, triangles: int = TRIANGLES, ready: SceneLook | None = None) -> None:
+        self._triangles, self._ready = triangles, ready
         self._scene: Scene | None = None
         self._nodes: list[Any] = []
         self._painting: list[tuple[Drawable, Future[NDArray[np.uint8]]]] = []
@@ -197,7 +213,10 @@ class SceneView(Panel):
             job.cancel()
         self._painting = []
         self._scene = scene
-        self.shapes = shapes_of(scene, self._triangles)
+        look, self._ready = self._ready, None
+        if look is None or look.scene is not scene:
+            look = SceneLook.of(scene, self._triangles)
+        self.shapes = look.shapes
         self._centre = np.array(coupled_body(scene.model, scene.tool).centre)
         tool = np.concatenate([s.vertices for s in self.shapes if s.is_tool])
         self._outline = tool[:: max(len(tool) // _OUTLINE, 1)]
@@ -215,7 +234,7 @@ class SceneView(Panel):
         ground = ground_height(scene)
         if ground is not None:
             self._nodes.append(add_ground(self._server, ground, self._seen / UNITS))
-        self._add_ghost(scene)
+        self._add_ghost(look.ghost)
         self._add_marks()
         self._set_camera(scene, tool)
 
@@ -235,10 +254,10 @@ class SceneView(Panel):
             node = add_shape(self._server, shape, parent, image=job.result())
             self._nodes = [one for one in self._nodes if one.name != node.name] + [node]
 
-    def _add_ghost(self, scene: Scene) -> None:
+    def _add_ghost(self, ghost: list[Drawable]) -> None:
         """Add the handle: a smooth, translucent copy of the tool at the hand's pose."""
-        for shape in shapes_of(scene.smooth(), _GHOST_TRIANGLES):
-            if shape.is_tool and len(shape.faces):
+        for shape in ghost:
+            if len(shape.faces):
                 self._nodes.append(
                     self._server.scene.add_mesh_simple(
                         f"/handle/{shape.name}",
