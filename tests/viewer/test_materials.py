@@ -5,13 +5,9 @@ import pytest
 
 from asperity.drawing.renderer.parts import GROUND_COLOUR, TOOL_COLOUR
 from asperity.scene.builtin import load_scene
+from asperity.viewer.drawables.ground import ground_height
 from asperity.viewer.drawables.materials import material_of
-from asperity.viewer.drawables.shapes import (
-    detail_of,
-    first_contact,
-    ground_height,
-    shapes_of,
-)
+from asperity.viewer.drawables.shapes import detail_of, first_contact, shapes_of
 
 
 @pytest.mark.parametrize(

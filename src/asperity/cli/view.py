@@ -16,7 +16,7 @@ from asperity.cli.result import announce, print_result
 from asperity.errors import AsperityError
 
 if TYPE_CHECKING:
-    from asperity.viewer.panels.scene_view import SceneLook
+    from asperity.viewer.drawables.look import SceneLook
     from asperity.viewer.servo_client import ServoClient
     from asperity.viewer.session_config import SessionConfig
 
@@ -176,6 +176,6 @@ def _look(config: SessionConfig, triangles: int) -> SceneLook:
     import viser  # noqa: F401
 
     import asperity.viewer.app  # noqa: F401
-    from asperity.viewer.panels.scene_view import SceneLook
+    from asperity.viewer.drawables.look import SceneLook
 
     return SceneLook.of(config.scene, triangles)

@@ -23,7 +23,7 @@ from asperity._core.digits import SUPERSCRIPTS
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 PAGE_WIDTH = 9.6
-"""Largest width of a figure that is a file of its own [inch]."""
+"""Largest width of a figure that stands alone [inch]."""
 REPORT_WIDTH = 6.6
 """Width of a figure of a report [inch]: it fits a window of 700 pixels and a sheet of paper. Where
 there is more room, `page.css` shows it larger."""

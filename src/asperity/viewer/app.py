@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from asperity.viewer.drawables.look import SceneLook
 from asperity.viewer.drawables.shapes import TRIANGLES
 from asperity.viewer.link import LinkRequests
 from asperity.viewer.panels.actions import ActionsPanel
@@ -16,7 +17,7 @@ from asperity.viewer.panels.panel import Panel
 from asperity.viewer.panels.plots import PlotsPanel
 from asperity.viewer.panels.record import RecordPanel
 from asperity.viewer.panels.roughness import RoughnessPanel
-from asperity.viewer.panels.scene_view import SceneLook, SceneView
+from asperity.viewer.panels.scene_view import SceneView
 from asperity.viewer.panels.sound import SoundPanel
 from asperity.viewer.panels.status import StatusPanel
 from asperity.viewer.panels.stimuli import StimuliPanel
@@ -43,7 +44,7 @@ def live_page(
     triangles : int
         Largest number of triangles shown.
     host, port : str, int
-        At any address but the loopback, a token is required; `Page.notice` says what this exposes.
+        At any address but the loopback, a token is required; `Page.notice` names what this exposes.
     ready : SceneLook, optional
         Of the first scene, if it has been made.
     """

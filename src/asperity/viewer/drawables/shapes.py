@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +19,7 @@ from asperity.geometry.displaced.view import ViewBall
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 from asperity.viewer.drawables.atlas import Atlas
+from asperity.viewer.drawables.ground import is_ground, is_plane
 from asperity.viewer.drawables.materials import Paint, SurfaceLook, by_height, material_of
 
 Array = NDArray[np.float64]
@@ -93,7 +93,7 @@ def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Drawable]:
     """Return the surfaces of a scene with at most `triangles` triangles.
 
     A budget that is too small for the undisplaced shapes is exceeded. A plane that is the ground
-    (`ground_height`) is left empty.
+    (`ground.ground_height`) is left empty.
     """
     parts = scene_parts(scene, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
     centre, radius = _extent(scene, parts)
@@ -150,42 +150,6 @@ def shapes_of_parts(
             wanted = max(wanted, _COARSER * spacing)
         spacing = float(max(wanted, _FINEST))
     return best or fewest
-
-
-def ground_height(scene: Scene) -> float | None:
-    """Return the height of the ground [m]: a level plane without texture, else what all rest on.
-
-    None if there is a plane that is not level, or has a texture: it is drawn as it is.
-    """
-    planes = [part for part in scene_parts(scene, scene.start) if _is_plane(part)]
-    if planes:
-        at, pose = planes[0].body.geoms[0].position, planes[0].pose
-        height = float(pose[2] + rotation_of(pose[3:])[2] @ np.asarray(at))
-        return height if all(map(_is_ground, planes)) else None
-    model, data = scene.model, mujoco.MjData(scene.model)
-    mujoco.mj_kinematics(model, data)
-    tool = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, scene.tool)
-    lowest = [
-        float(data.geom_xpos[i, 2] + up @ box[:3] - np.abs(up) @ box[3:])
-        for i, (up, box) in enumerate(
-            zip(data.geom_xmat.reshape(-1, 3, 3)[:, 2], model.geom_aabb, strict=True)
-        )
-        if model.geom_bodyid[i] != tool
-    ]
-    return min(lowest, default=None)
-
-
-def _is_plane(part: Part) -> bool:
-    return part.body.mesh is None and any(g.kind == "plane" for g in part.body.geoms)
-
-
-def _is_ground(part: Part) -> bool:
-    """Return whether a part is a level plane without texture."""
-    if not _is_plane(part) or part.is_tool or part.body.fields:
-        return False
-    geom = part.body.geoms[0]
-    up = rotation_of(part.pose[3:]) @ rotation_of(np.asarray(geom.quaternion))[:, 2]
-    return len(part.body.geoms) == 1 and bool(up[2] > 1.0 - 1e-6)
 
 
 def _extent(scene: Scene, parts: list[Part]) -> tuple[Array, float]:
@@ -247,7 +211,7 @@ def _view(part: Part, centre: Array, radius: float, contact: Array, start: Array
         return ViewBall(contact, _FINE, 100)
     if part.is_tool:
         return ViewBall(np.zeros(3), 4.0 * radius, 100)
-    return ViewBall(centre, (_WIDE if _is_plane(part) else 2.0) * radius, 100)
+    return ViewBall(centre, (_WIDE if is_plane(part) else 2.0) * radius, 100)
 
 
 def _shape(part: Part, view: ViewBall, spacing: float, number: int, materials: bool) -> Drawable:
@@ -258,7 +222,7 @@ def _shape(part: Part, view: ViewBall, spacing: float, number: int, materials: b
         spacing = max(spacing, _rounding(part))
     view = view._replace(samples=max(int(2.0 * view.radius / spacing), 4))
     surfaces, faces, count = [], [], 0
-    hidden = materials and _is_ground(part)
+    hidden = materials and is_ground(part)
     made_of = material_of(part.colour) if materials else None
     paint = _paint(part, made_of)
     atlas, places = _atlas(part, paint), []

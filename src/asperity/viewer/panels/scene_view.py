@@ -8,7 +8,7 @@ camera is made for metres.
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,9 @@ from asperity.geometry.poses import rotation_of
 from asperity.realtime.servo.snapshot import Snapshot
 from asperity.scene.scene import Scene
 from asperity.viewer.drawables.colours import CONTACT, FORCE, HANDLE, TORQUE
-from asperity.viewer.drawables.shapes import (
-    TRIANGLES,
-    Drawable,
-    first_contact,
-    ground_height,
-    shapes_of,
-)
+from asperity.viewer.drawables.ground import ground_height
+from asperity.viewer.drawables.look import SceneLook
+from asperity.viewer.drawables.shapes import TRIANGLES, Drawable, first_contact
 from asperity.viewer.drawables.stage import (
     UNITS,
     add_ground,
@@ -48,7 +44,6 @@ _LONGEST = 1.6
 """Length that arrows approach as forces grow, over that of the full one."""
 _LEAST = 0.02
 """Smallest length of an arrow that is drawn, over that of the full one."""
-_GHOST_TRIANGLES = 3000
 _OUTLINE = 500
 """Approximate number of points from which the tool's highest point is found."""
 _VIEW = np.array([0.75, -1.0, 0.55])
@@ -68,20 +63,6 @@ _SHADOW, _DISCS, _ABOVE = 0.035, 6, 1.2e-4 * UNITS
 """Radius of the shadow at the contact over the visible size, discs in it, height above [units]."""
 _CLOSENESS, _ASIDE = 2.45, 0.2
 """Distance of the camera, and its offset to the side, over the size of the visible part."""
-
-
-class SceneLook(NamedTuple):
-    """The surfaces of a scene, and the smooth ones of the handle."""
-
-    scene: Scene
-    shapes: list[Drawable]
-    ghost: list[Drawable]
-
-    @classmethod
-    def of(cls, scene: Scene, triangles: int = TRIANGLES) -> SceneLook:
-        """Return the surfaces of a scene with at most `triangles` triangles."""
-        ghost = [s for s in shapes_of(scene.smooth(), _GHOST_TRIANGLES) if s.is_tool]
-        return cls(scene, shapes_of(scene, triangles), ghost)
 
 
 class SceneView(Panel):
