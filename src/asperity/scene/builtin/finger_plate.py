@@ -8,11 +8,11 @@ Sizes and properties, each with how sure it is:
 - Thickness of the layer, 3 mm, and Poisson's ratio, 0.45: chosen, for soft tissue between bone
   and surface that hardly changes its volume.
 - Young's modulus, 12 kPa: fitted, not measured. With the three values above a smooth plate has
-  the contact that a finger pad makes at 0.6 N, some 75 mm^2 and 1 mm deep. Of fingers, force,
-  depth and area were measured by Serina et al. (J. Biomech. 31, 639, 1998) and Dzidek et al. (J. R.
-  Soc. Interface 14, 20160935, 2017), who differ between people by a factor of two. Moduli of
-  skin alone are given from some kilopascals to megapascals, depending on layer and method.
-- Friction 0.4: chosen; dry to moist fingers have 0.2 to 2.
+  a contact of some 75 mm^2, 1 mm deep, at 0.6 N, which is our estimate for a finger pad. Measured
+  are force, depth and area of fingers by Serina et al. (J. Biomech. 31, 639, 1998) and Dzidek et
+  al. (J. R. Soc. Interface 14, 20160935, 2017): only their abstracts were read, and no number here
+  is from them. Expect people to differ by a factor of two or more.
+- Friction 0.4: chosen.
 """
 
 from __future__ import annotations
