@@ -164,7 +164,7 @@ def _binary(
             for p in properties:
                 columns[p.name] = rows[p.name]
                 if p.counter:
-                    counts = np.full(count, lengths[p.name], dtype=np.int64)
+                    counts = np.broadcast_to(np.int64(lengths[p.name]), count)  # no memory
                     columns[p.name] = Lists(counts, _wide(rows[p.name]).reshape(-1))
             return columns, at + count * dtype.itemsize
     return _uneven(data, at, count, properties, order)
@@ -321,11 +321,9 @@ def read_ply(path: Path) -> Contents:
     if lists.values.dtype.kind == "f" and not np.isfinite(lists.values).all():
         raise AsperityError(f"{path}: a face names no vertex; valid: indices of vertices")
     at = lists.values.astype(np.int64, copy=False)
-    for wrong in (at.min(), at.max()):
-        if not 0 <= wrong < len(vertices):
-            raise AsperityError(
-                f"{path}: a face names vertex {wrong}; valid: 0 to {len(vertices) - 1}"
-            )
+    if at.view(np.uint64).max() >= len(vertices):  # negative ones are large then
+        wrong = at.min() if at.min() < 0 else at.max()
+        raise AsperityError(f"{path}: a face names vertex {wrong}; valid: 0 to {len(vertices) - 1}")
     corner: Indices | None = None  # those of the lists
     if (lists.lengths == 3).all():
         faces = at.reshape(-1, 3)
