@@ -272,3 +272,10 @@ def test_each_axis_has_its_own_unit(tmp_path):
     assert found.unit == "mm"
     assert found.places == pytest.approx(DATA, rel=1e-4)
     assert any("mm, mm, um" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("heading", ["lat,lon,alt", "# Latitude, Longitude, Height", "id;long;lat"])
+def test_places_on_the_globe_are_refused(tmp_path, heading):
+    (tmp_path / "gps.csv").write_text(heading + "\n" + lines(DATA, ";" if ";" in heading else ","))
+    with pytest.raises(AsperityError, match="latitude and longitude; valid: x, y, z"):
+        read_points(tmp_path / "gps.csv")

@@ -45,6 +45,7 @@ _AXES = {
 _HEADING = re.compile(
     r"^([a-z:0-9-]+?)(?:[\s_]*coordinates?)?(?:[\s_]*[\[(]([a-zµμ]+)[\])]|[\s_]+([a-zµμ]+))?$"
 )
+_ON_THE_GLOBE = re.compile(r"(?i)\b(lat(?:itude)?|lon(?:g(?:itude)?)?)\b")
 _FORTRAN = re.compile(r"(?<=\d)[dD](?=[+-]\d)")
 """The sign before a power of ten, as Fortran writes it."""
 _MAP_HEADS = re.compile(r"^\W*(ncols|channel|width|height|rows)\b", re.IGNORECASE | re.MULTILINE)
@@ -108,8 +109,7 @@ def read_points(path: Path) -> Points:
             found = Points(places, None, notes)
         else:
             found = _text(path)
-    good = np.isfinite(found.places).all(axis=1)
-    notes = found.notes
+    good, notes = np.isfinite(found.places).all(axis=1), found.notes
     if not good.all():
         notes = (*notes, f"{np.count_nonzero(~good)} points without a place are left out")
     if good.sum() < FEWEST:
@@ -127,10 +127,9 @@ def holds_points(path: Path) -> bool:
     form = _form(lines[:-1] or lines)
     if form is None or form.width > 12 or _MAP_HEADS.search("\n".join(lines[: form.first])):
         return False
-    if form.names or form.width == 3:
-        return True
     rows = [line for line in lines[form.first : -1] if line.strip()]
-    if form.width <= _FEW and len(rows) > _LONG * form.width:
+    is_long = form.width <= _FEW and len(rows) > _LONG * form.width
+    if form.names or form.width == 3 or is_long:
         return True
     more = [_numbers(row, form.separator, form.decimal)[3:] for row in rows[:_SAMPLE]]
     return len(rows) > 2 * form.width and all(v == int(v) and v >= 0 for row in more for v in row)
@@ -207,13 +206,14 @@ def _text(path: Path) -> Points:
             f"{path}: no line of it holds three numbers; it begins with {shown!r}; "
             "valid: x, y and z in each line"
         )
+    if not form.names and len(_ON_THE_GLOBE.findall("\n".join(lines[: form.first]))) > 1:
+        raise AsperityError(f"{path}: has latitude and longitude; valid: x, y, z (project them)")
     notes = []
     if not form.names and form.width > 3 and _counts_lines(lines, form):
         form = form._replace(columns=(1, 2, 3))
         notes.append("its first column counts the points: x, y and z are those behind it")
     if form.decimal == "," and any("," in line for line in lines[form.first :][:_SAMPLE]):
         notes.append("its numbers have decimal commas")
-
     body = text.split("\n", form.first)[form.first]
     points = body.replace(",", ".") if form.decimal == "," else body
     found = numbers_of(points, form.separator, form.columns)
@@ -243,8 +243,9 @@ def _line_by_line(path: Path, lines: list[str], form: _Form) -> Array:
         if len(values) >= form.width or len(values) > max(form.columns):
             places.append([values[k] for k in form.columns])
         elif line.strip() and not (len(values) == 1 or line.lstrip()[:2] == "//"):
-            shown = line.strip()[:40]
-            raise AsperityError(f"{path}: line {number} is {shown!r}; valid: x, y and z")
+            raise AsperityError(
+                f"{path}: line {number} is {line.strip()[:40]!r}; valid: x, y and z"
+            )
     return np.array(places, dtype=np.float64).reshape(-1, 3)
 
 
