@@ -174,17 +174,13 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     clear(rest_out)
     if way_out == 0.0:
         return 0.0
-    b, table, region = query.body, model.facets, space.region
+    b, table = query.body, model.facets
     space.stiffness[b], space.friction[b] = contact_properties(
-        table, here, count, parameters, region
+        table, here, count, parameters, space.region
     )
     _weigh(here, space, way_out, rest_out)
-    varies = properties_vary(table, here)
-    if varies or _moves(space):
-        _fill_rates(table, count, space)
-        if varies:
-            add_stiffness_rates(table, count, parameters, space.stiffness[b], way_out, region)
-        _add_rest(table, here, count, space, rest_out)
+    if properties_vary(table, here) or _moves(space):
+        _add_rest(table, here, count, parameters, way_out, space, rest_out)
     if query.first == query.body:
         _turn_round(space.manifold, first, rest_out)
     return way_out
@@ -290,20 +286,9 @@ def _is_flat(sums):
 
 
 @inner_kernel
-def _fill_rates(table, count, space):
-    """Fill `region.rates`: how the way out changes with the volume of each pair, by the normals."""
-    region = space.region
-    for i in range(count):
-        region.rates[i] = 0.0
-    for d in range(DIRECTIONS):
-        if space.directions[d].patches > 0 and not _is_flat(region.sums[d]):
-            add_normal_rates(table, count, d, region, space.directions[d].turn, region.rates)
-
-
-@inner_kernel
-def _add_rest(table, query, count, space, rest_io):
-    """Add the gradient of the way out by all but the depths, world axes."""
-    region, reach = space.region, query.raised
+def _add_rest(table, query, count, parameters, way_out, space, rest_io):
+    """Add the gradient of the way out by all but the depths, world axes; that of k as well."""
+    region, reach, rates = space.region, query.raised, space.region.rates
     centre, origin, gradient, q = (
         stack_array((3,)), stack_array((3,)), stack_array((6,)), stack_array((6,)),
     )  # fmt: skip
@@ -314,6 +299,14 @@ def _add_rest(table, query, count, space, rest_io):
     for d in range(DIRECTIONS):
         for c in range(DIRECTIONS):
             add_residual_gradient(table, query, count, (d, c), centre, space, gradient)
+    for i in range(count):
+        rates[i] = 0.0
+    for d in range(DIRECTIONS):
+        if space.directions[d].patches > 0 and not _is_flat(region.sums[d]):
+            add_normal_rates(table, count, d, region, space.directions[d].turn, rates)
+    if properties_vary(table, query):
+        stiffness = space.stiffness[query.body]
+        add_stiffness_rates(table, count, parameters, stiffness, way_out, region)
     for i in range(count):
         f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
         fill_polynomial(table, g, i, space.directions, region, q)
