@@ -129,7 +129,8 @@ OTHER_LINES = [
     ["view", "--simulate", "ball.xml", "--no-open", "--port", "0", "--seconds", "0.2"],
     ["devices", "check", "haply-fake", "--yes"],
 ]
-BALL = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/><body pos="0 0 .02">
+BALL = """<mujoco><custom><text name="texture:floor" data="knurl:0.8mm"/></custom>
+<worldbody><geom name="floor" type="plane" size="1 1 .1"/><body pos="0 0 .02">
 <freejoint/><geom name="ball" type="sphere" size=".01"/></body></worldbody></mujoco>"""
 
 

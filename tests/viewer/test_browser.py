@@ -16,6 +16,7 @@ pytest.importorskip("playwright", reason="Playwright is not installed")
 
 from asperity.errors import AsperityError
 from asperity.viewer.browser import browser_tab, chromium, close_notes
+from asperity.viewer.drawables.stage import UNITS
 
 pytestmark = pytest.mark.skipif(chromium() is None, reason="no Chromium is installed")
 SLOW = 120e3
@@ -87,7 +88,7 @@ def test_dragging_the_gizmo_changes_the_force(page, servo, tab, until, panel):
         mouse._put(servo.target)
         until(lambda: not is_felt())
         tab.wait_for_timeout(wait)
-        tip = np.add(mouse._gizmo.position, [0.0, 0.0, 1.75])  # of the arrow upwards
+        tip = np.add(mouse._gizmo.position, [0.0, 0.0, 0.0175 * UNITS])  # of the arrow upwards
         x, y = on_screen(page, tip)
         tab.mouse.move(x, y)
         tab.wait_for_timeout(wait)
