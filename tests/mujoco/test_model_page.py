@@ -10,6 +10,7 @@ from asperity.errors import AsperityError
 
 pytest.importorskip("viser")
 from asperity.mujoco.page import ModelPage, contact_forces
+from asperity.viewer.drawables.stage import UNITS
 
 XML = """<mujoco><option timestep="0.001" cone="elliptic"/>
   <custom><text name="texture:table" data="knurl:2mm"/></custom>
@@ -30,12 +31,12 @@ def test_bodies_and_forces_are_where_the_model_has_them():
     with ModelPage(surfaces, port=0, triangles=5000, now=lambda: time[0]) as page:
         assert page.show(data)
         ball = page._frames[model.body("ball").id]
-        np.testing.assert_allclose(ball.position, 100.0 * data.body("ball").xpos, rtol=1e-6)
+        np.testing.assert_allclose(ball.position, UNITS * data.body("ball").xpos, rtol=1e-6)
         points, forces = contact_forces(model, data)
         np.testing.assert_allclose(forces.sum(axis=0), -data.qfrc_constraint[:3], atol=1e-9)
         assert forces[:, 2].sum() < -0.01  # on the table, which comes second
         arrows = np.asarray(page._arrows.points)
-        np.testing.assert_allclose(arrows[:, 0], 100.0 * points, atol=1e-4)
+        np.testing.assert_allclose(arrows[:, 0], UNITS * points, atol=1e-4)
         along = arrows[:, 1] - arrows[:, 0]
         np.testing.assert_allclose(np.cross(along, forces), 0.0, atol=1e-4)
         # No more pictures than a page shows, however often it is asked to.
