@@ -40,15 +40,6 @@ class SkinContact:
     centre : (3,)
         Point about which torques are, in the frame of the skin's body [m].
 
-    Attributes
-    ----------
-    compression, pressure : (rows, columns) arrays
-        Of the last pose [m], [Pa]; 0 on cells without a taxel.
-    shear : (rows, columns, 2) array
-        Traction across each taxel's ray, along columns and along rows [Pa].
-    forces, points : (rows, columns, 3) arrays
-        Force [N] on each taxel and where it acts [m], world axes. They add up to the wrench.
-
     Raises
     ------
     AsperityError
