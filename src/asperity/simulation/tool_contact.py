@@ -115,10 +115,9 @@ class ToolContact:
         self._choose_window()
         self._wavelength = scene.shortest_wavelength
         self._moved = Repeated(moved_most)
-        self._of_bodies = max(body.largest_friction for body in scene.bodies)
-        if scene.skin is not None:
-            self._of_bodies = scene.skin.friction
-        """Largest friction of a body's own."""
+        own = [body.largest_friction for body in scene.bodies]
+        self._of_bodies = max(own) if scene.skin is None else scene.skin.friction
+        """Largest friction of a body's own, or the skin's."""
         self._extent = max(float(scene.model.stat.extent), 1e-3)
         self.reset()
 
