@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
+
+# The test processes already share what they compile; helpers would only crowd the cores.
+os.environ.setdefault("ASPERITY_COMPILE_HELPERS", "0")
 
 _WAITING = ("cli/test_devices.py", "psychophysics/", "viewer/", "realtime/", "studies/sweeps/")
 """Tests that wait for threads and processes beside them, or for a browser."""

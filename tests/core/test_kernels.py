@@ -26,7 +26,10 @@ def package(tmp_path):
     package.mkdir()
     (package / "__init__.py").write_text("")
     (package / "_core").mkdir()
-    for name in ("__init__.py", "kernels.py", "compile_time.py"):
+    for name in (
+        "__init__.py", "kernels.py", "compile_time.py", "shared_compilation.py", "file_lock.py",
+        "cores.py",
+    ):  # fmt: skip
         (package / "_core" / name).write_text((SOURCES / "_core" / name).read_text())
     return package
 

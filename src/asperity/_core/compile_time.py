@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import gc
 import logging
+import time
 from typing import Any
 
 import numba
@@ -30,6 +31,8 @@ from numba.core.compiler import Compiler, CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.errors import TypingError
 from numba.core.typed_passes import NopythonTypeInference
+
+from asperity._core.shared_compilation import claimed, left_to_others, stop_if_left
 
 TESTED = ("0.68",)
 """Versions of Numba, major and minor, that the libraries were tested with."""
@@ -89,13 +92,28 @@ class KernelLibrary(JITCodeLibrary):
         super()._optimize_final_module()
 
 
+_WAIT = 0.01
+"""Time between two looks at a kernel that another process compiles [s]."""
+
+
+def _is_kernel(called: Any) -> bool:
+    """Return whether what is called is one of our kernels."""
+    compiler = getattr(called, "_compiler", None)
+    return getattr(compiler, "pipeline_class", None) in (InnerCompiler, KernelCompiler)
+
+
 class _TypingContext:
-    """Numba's typing context, in which calls and attributes of the same types are resolved once."""
+    """Numba's typing context, in which calls and attributes of the same types are resolved once.
+
+    A kernel that another process is compiling counts as a call that cannot be resolved yet.
+    """
 
     def __init__(self, context: Any) -> None:
         self._context = context
         self._calls: dict[Any, Any] = {}
         self._attributes: dict[Any, Any] = {}
+        self._elsewhere: list[Any] = []
+        self._helped: set[Any] = set()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._context, name)
@@ -105,8 +123,33 @@ class _TypingContext:
         key = (func, args, tuple(kws.items()))
         found = self._calls.get(key)
         if found is None:
-            found = self._calls[key] = self._context.resolve_function_type(func, args, kws)
+            found = self._calls[key] = self._resolve(func, args, kws)
         return found
+
+    def _resolve(self, func: Any, args: Any, kws: Any) -> Any:
+        kernel: Any = getattr(func, "dispatcher", None)
+        if not _is_kernel(kernel) or tuple(args) in kernel.overloads:
+            return self._context.resolve_function_type(func, args, kws)
+        with claimed(kernel) as ours:
+            if ours:
+                return self._context.resolve_function_type(func, args, kws)
+        self._elsewhere.append((func, args, kws))
+        raise TypingError(f"{kernel.py_func.__name__} is being compiled by another process")
+
+    def help_others(self) -> bool:
+        """Help with one of the kernels that other processes compile, or wait a moment.
+
+        Return False if there is none.
+        """
+        elsewhere, self._elsewhere = self._elsewhere, []
+        for func, args, kws in elsewhere:
+            if (func, args) not in self._helped:
+                self._helped.add((func, args))
+                with left_to_others(func.dispatcher):
+                    self._context.resolve_function_type(func, args, kws)
+                return True
+        time.sleep(_WAIT)
+        return bool(elsewhere)
 
     def resolve_getattr(self, typ: Any, attr: str) -> Any:
         """Return the type of an attribute, or None."""
@@ -123,14 +166,25 @@ class _InferTypes(NopythonTypeInference):
 
     def run_pass(self, state: Any) -> bool:
         context = state.typingctx
-        state.typingctx = _TypingContext(context)
+        state.typingctx = shared = _TypingContext(context)
         try:
-            changed: bool = super().run_pass(state)
+            changed = self._infer(state, shared)
         finally:
             state.typingctx = context
+        stop_if_left(state.func_id.modname, state.func_id.func_qualname)
         state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         return changed
+
+    def _infer(self, state: Any, shared: _TypingContext) -> bool:
+        while True:
+            try:
+                changed: bool = super().run_pass(state)
+            except TypingError:
+                if not shared.help_others():
+                    raise
+            else:
+                return changed
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)

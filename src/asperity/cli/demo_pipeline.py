@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -13,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from asperity._core.kernels import is_compiled
+from asperity._core.shared_compilation import helpers
 from asperity.runs.sound import Sound, at_one_level, from_run
 from asperity.studies.otaduy_lin_2004.real_surfaces import REAL_SURFACES, RealSurface
 from asperity.studies.otaduy_lin_2004.rub import rub
@@ -70,6 +74,40 @@ SCENES = (
     DemoScene("probe-plate-dots", 0.3, "tick"),
 )
 """The 6-DoF scenes of the demo."""
+
+
+_COMPILE = f"from asperity.cli.demo_pipeline import first_ticks; first_ticks({SCENES[-1].name!r})"
+
+
+@contextmanager
+def _compiling_geoms() -> Iterator[None]:
+    """Compile the kernels of scenes of geoms in a process beside, if need be.
+
+    This process compiles those of meshes first: both need minutes where nothing is compiled yet.
+    """
+    if is_compiled("contact.geom_tick", "tick") or not helpers():
+        yield
+        return
+    beside = subprocess.Popen(
+        [sys.executable, "-c", _COMPILE], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    try:
+        yield
+    finally:
+        beside.kill()
+        beside.wait()
+
+
+def first_ticks(name: str) -> None:
+    """Evaluate a scene of the demo at two poses, for which its kernels are compiled."""
+    from asperity.scene.builtin import load_scene
+    from asperity.simulation.simulation import Simulation
+
+    shown = next(shown for shown in SCENES if shown.name == name)
+    scene = load_scene(name).changed(
+        trajectory={"seconds": 2e-3}, force={"anti_alias": shown.anti_alias}
+    )
+    Simulation(scene).rollout()
 
 
 @contextmanager
@@ -133,7 +171,7 @@ def run_demo(
     seconds: dict[str, float] = {}
     simulator = settings.simulator()
     # Compiled kernels release the interpreter's lock: scenes and rubs run beside the studies.
-    with ThreadPoolExecutor(max_workers=2) as pool:
+    with _compiling_geoms(), ThreadPoolExecutor(max_workers=2) as pool:
         start = time.perf_counter()
         pending_runs = [pool.submit(_run_one, shown, folder, on_ticks) for shown in SCENES]
         pending = [

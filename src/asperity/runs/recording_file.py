@@ -11,7 +11,7 @@ import io
 from pathlib import Path
 from typing import Any
 
-from asperity._core.lock import lock_file
+from asperity._core.file_lock import lock_file
 from asperity.errors import OutputError
 
 

@@ -73,7 +73,7 @@ def announce_compiling(tick: str = "tick") -> None:
     """
     if not is_compiled(_MODULES[tick], tick):
         logging.getLogger(__name__).warning(
-            "compiling the contact kernels, once after an installation: takes less than a minute"
+            "compiling the contact kernels, once after an installation: takes a minute or two"
         )
 
 

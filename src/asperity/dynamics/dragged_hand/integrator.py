@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
-from asperity._core.kernels import kernel
+from asperity._core.kernels import inner_kernel, kernel
 
 DRAG_STATE = np.dtype(
     [
@@ -84,7 +84,7 @@ def force_table(edges, coefficients, jumps):
     return ForceTable(laid, powers, ends, firsts)
 
 
-@kernel
+@inner_kernel
 def _interval_at(table, place, interval, segment):
     """Return the interval of a segment that contains `place`, by walking from `interval`."""
     first, last = 0, table.powers.shape[0] - 1
@@ -130,7 +130,7 @@ def force_at(table, place):
     return c[i, 0] + x * (c[i, 1] + x * (c[i, 2] + x * c[i, 3]))
 
 
-@kernel
+@inner_kernel
 def _runge_kutta(motion, step, table, model):
     """Return position and velocity after one classical Runge-Kutta step."""
     state = motion[0]
@@ -158,7 +158,7 @@ def _runge_kutta(motion, step, table, model):
     )
 
 
-@kernel
+@inner_kernel
 def acceleration_and_jerk(motion, table, model):
     """Return u'' and u''' of a motion on its segment."""
     state = motion[0]
@@ -176,7 +176,7 @@ def acceleration_and_jerk(motion, table, model):
     return acceleration, jerk
 
 
-@kernel
+@inner_kernel
 def _time_to_jump(motion, step, target, end_place, table, model):
     """Return the time, 0 to `step`, at which u reaches `target` (Illinois method)."""
     state = motion[0]
@@ -232,7 +232,7 @@ def _cross(motion, forward, table):
     state.segment = segment
 
 
-@kernel
+@inner_kernel
 def _cross_or_rest(motion, forward, table, model):
     """Move a hand that is at a jump to the other side, or bring it to rest in the notch.
 
@@ -259,7 +259,7 @@ def _cross_or_rest(motion, forward, table, model):
         state.velocity, state.hold = 0.0, ahead
 
 
-@kernel
+@inner_kernel
 def _wait_in_notch(motion, remaining, model):
     """Advance the drive while the hand rests; return the time that remains after the wait."""
     state = motion[0]
@@ -272,7 +272,7 @@ def _wait_in_notch(motion, remaining, model):
     return remaining - wait
 
 
-@kernel
+@inner_kernel
 def _note_extremes(extremes, a0, a1, jerk0, jerk1, step):
     """Widen (smallest, largest) by u'' over a smooth step, a cubic from the values at its ends."""
     extremes[0] = min(extremes[0], a0, a1)
@@ -343,7 +343,7 @@ def advance(motion, step, table, model, extremes, watch):
     extremes[0] = extremes[1] = np.nan
 
 
-@kernel
+@inner_kernel
 def advance_period(motion, steps, step, table, model, extremes, record_out):
     """Advance by `steps` steps; fill (u - v t, u', u'') before each into `record_out` (steps, 3).
 

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.kernels import kernel
+from asperity._core.kernels import inner_kernel, kernel
 from asperity.dynamics.dragged_hand.hand import Hand, Motion, MotionStatus
 from asperity.errors import AsperityError, require_not_negative, require_positive
 
@@ -88,7 +88,7 @@ def _surface(u, period, path):
     return height, (s0 + t * (2.0 * c + 3.0 * t * a)) / step
 
 
-@kernel
+@inner_kernel
 def _fill_rates(time, state, touches, model, path, rates_out):
     """Fill the rates of (u, u', z, z') in one regime; return the force of contact."""
     m, k, b, v, m_n, k_n, b_n, k_c, force, middle, period = model
@@ -101,7 +101,7 @@ def _fill_rates(time, state, touches, model, path, rates_out):
     return contact
 
 
-@kernel
+@inner_kernel
 def _runge_kutta(time, step, state, touches, model, path, work, state_out):
     """Fill the state after one step in one regime; `work` (5, 4) holds rates and a state."""
     _fill_rates(time, state, touches, model, path, work[0])

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from asperity._core.kernels import kernel
+from asperity._core.kernels import inner_kernel, kernel
 from asperity.dynamics.dragged_hand.integrator import DRAG_STATE, advance_period, force_table
 
 PERIODIC_TOLERANCE = 1e-6
@@ -64,7 +64,7 @@ def place_at(motion, lag, speed, phase, table):
         state.segment = min(max(segment, 0), table.jumps.size - 2)
 
 
-@kernel
+@inner_kernel
 def _jacobian(y, jacobian_out):
     """Fill the Jacobian of P from four successive states (4, 2); return whether it is defined."""
     a, c = y[1, 0] - y[0, 0], y[1, 1] - y[0, 1]
@@ -81,7 +81,7 @@ def _jacobian(y, jacobian_out):
     return True
 
 
-@kernel
+@inner_kernel
 def _largest_eigenvalue(j):
     """Return the largest magnitude of the eigenvalues of a 2 x 2 matrix."""
     half, determinant = 0.5 * (j[0, 0] + j[1, 1]), j[0, 0] * j[1, 1] - j[0, 1] * j[1, 0]
@@ -91,7 +91,7 @@ def _largest_eigenvalue(j):
     return abs(half) + math.sqrt(inside)
 
 
-@kernel
+@inner_kernel
 def _jump_ahead(motion, before, after, j, tolerance, phase, table):
     """Move to the fixed point `y + (I - J)^-1 (P(y) - y)`, with y and P(y) in tolerances."""
     determinant = (1.0 - j[0, 0]) * (1.0 - j[1, 1]) - j[0, 1] * j[1, 0]
@@ -187,7 +187,7 @@ def run_until_repeat(motion, search, table, model, tolerance):
     return 0, search.max_periods, mismatch
 
 
-@kernel
+@inner_kernel
 def _phase(cubics, start):
     """Return `start` relative to the force table's beginning, within its period."""
     period = cubics[0][cubics[0].size - 1]

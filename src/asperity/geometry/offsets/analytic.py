@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array
-from asperity._core.kernels import kernel
+from asperity._core.kernels import inner_kernel, kernel
 from asperity.errors import SurfaceError, require_not_negative, require_positive
 from asperity.geometry.offsets.surface import Tracer, exact_tracer
 
@@ -103,7 +103,7 @@ class Sinusoid:
         return exact_tracer(_trace_sinusoid, self.amplitude, 2.0 * np.pi / self.spacing, radius)
 
 
-@kernel
+@inner_kernel
 def touch_segment(x0, z0, x1, z1, u, radius):
     """Return (height, place) of the contact of a disk above `u` with a straight segment.
 

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from asperity._core.kernels import kernel
+from asperity._core.kernels import inner_kernel, kernel
 from asperity.texture.spline import evaluate_1d
 
 _STACK_SIZE = 256
@@ -51,7 +51,7 @@ def _evaluate(coefficients, x, u, radius):
     )
 
 
-@kernel
+@inner_kernel
 def _newton_ascent(coefficients, low, high, x, u, radius):
     """Return the maximiser of a concave f over [low, high] by safeguarded Newton from x."""
     for _ in range(_NEWTON_STEPS):
@@ -100,7 +100,7 @@ def _search_cell(coefficients, cell, u, radius, tolerance, best, best_x, spans):
     return best, best_x
 
 
-@kernel
+@inner_kernel
 def _polish(coefficients, x, u, radius):
     """Return (value, position) of the local maximum next to `x`, by ascending Newton steps.
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array
-from asperity._core.kernels import kernel
+from asperity._core.kernels import inner_kernel, kernel
 from asperity.errors import AsperityError, SurfaceError, require_not_negative, require_positive
 from asperity.geometry.offsets.analytic import touch_segment
 from asperity.geometry.offsets.surface import Tracer, exact_tracer
@@ -30,7 +30,7 @@ class DotLattice(NamedTuple):
     height: float
 
 
-@kernel
+@inner_kernel
 def _touch_dots(lattice, u, v, radius):
     """Return (offset height, contact u, contact v) of a sphere above (u, v).
 

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from asperity._core.kernels import kernel
+from asperity._core.kernels import inner_kernel, kernel
 from asperity.geometry.offsets.disk_search import cap
 from asperity.texture.spline import evaluate_2d
 
@@ -85,7 +85,7 @@ def _evaluate(coefficients, x, y, sphere):
     )
 
 
-@kernel
+@inner_kernel
 def _newton_ascent(coefficients, box, x, y, stride, sphere):
     """Return (value, x, y, f_x, f_y) of a local maximum over a box, starting from (x, y).
 
@@ -123,7 +123,7 @@ def _newton_ascent(coefficients, box, x, y, stride, sphere):
     return value, x, y, f_x, f_y
 
 
-@kernel
+@inner_kernel
 def _height_curvature(f_xx, f_xy, f_yy, dx, dy, radius):
     """Return the largest second derivative of the heights, from those of f at (dx, dy)."""
     inside = radius * radius - dx * dx - dy * dy
@@ -134,7 +134,7 @@ def _height_curvature(f_xx, f_xy, f_yy, dx, dy, radius):
     return 0.5 * (xx + yy) + math.sqrt(half * half + xy * xy)
 
 
-@kernel
+@inner_kernel
 def _size_of(level):
     """Return 2**level by a shift."""
     return float(1 << level) if level >= 0 else 1.0 / float(1 << -level)
@@ -182,7 +182,7 @@ def _bound(coefficients, pyramid, block, sphere, enough):
     return min(bound, coarse), value, x, y
 
 
-@kernel
+@inner_kernel
 def _can_be_divided(block, sphere):
     """Return whether a block is large enough to be quartered."""
     level, row, column = block

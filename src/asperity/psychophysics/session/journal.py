@@ -22,7 +22,7 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-from asperity._core.lock import lock_file
+from asperity._core.file_lock import lock_file
 from asperity.errors import AsperityError, OutputError
 
 FILE = "journal.jsonl"
