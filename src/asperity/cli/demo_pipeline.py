@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -99,7 +100,12 @@ def _compiling_geoms() -> Iterator[None]:
 
 
 def first_ticks(name: str) -> None:
-    """Evaluate a scene of the demo at two poses, for which its kernels are compiled."""
+    """Evaluate a scene of the demo at two poses, for which its kernels are compiled.
+
+    This process gives way to others: what it compiles is needed last.
+    """
+    if hasattr(os, "nice"):
+        os.nice(10)
     from asperity.scene.builtin import load_scene
     from asperity.simulation.simulation import Simulation
 
