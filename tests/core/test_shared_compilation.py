@@ -110,7 +110,7 @@ def test_a_kernel_is_claimed_by_one_process_until_it_ends(tmp_path):
         "import sys, time\nfrom types import SimpleNamespace as S\n"
         "from asperity._core.shared_compilation import claimed\n"
         "k = S(stats=S(cache_path=sys.argv[1]), py_func=S(__qualname__='f'))\n"
-        "with claimed(k) as ours:\n    print(ours, flush=True)\n    time.sleep(600)\n"
+        "with claimed(k) as granted:\n    print(granted, flush=True)\n    time.sleep(600)\n"
     )
     other = subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True
@@ -118,15 +118,15 @@ def test_a_kernel_is_claimed_by_one_process_until_it_ends(tmp_path):
     try:
         assert other.stdout is not None
         assert other.stdout.readline() == "True\n"
-        with claimed(_kernel(tmp_path)) as ours:
-            assert not ours
-        with claimed(_kernel(tmp_path, "g")) as ours:
-            assert ours
+        with claimed(_kernel(tmp_path)) as granted:
+            assert not granted
+        with claimed(_kernel(tmp_path, "g")) as granted:
+            assert granted
     finally:
         other.send_signal(signal.SIGKILL)
         other.wait()
-    with claimed(_kernel(tmp_path)) as ours:
-        assert ours
+    with claimed(_kernel(tmp_path)) as granted:
+        assert granted
         with claimed(_kernel(tmp_path)) as again:
             assert again
 
@@ -134,8 +134,8 @@ def test_a_kernel_is_claimed_by_one_process_until_it_ends(tmp_path):
 def test_a_cache_that_cannot_be_written_stops_nothing(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    with claimed(_kernel(blocked / "below")) as ours:
-        assert ours
+    with claimed(_kernel(blocked / "below")) as granted:
+        assert granted
 
 
 def test_number_of_helpers(monkeypatch):

@@ -130,8 +130,8 @@ class _TypingContext:
         kernel: Any = getattr(func, "dispatcher", None)
         if not _is_kernel(kernel) or tuple(args) in kernel.overloads:
             return self._context.resolve_function_type(func, args, kws)
-        with claimed(kernel) as ours:
-            if ours:
+        with claimed(kernel) as granted:
+            if granted:
                 return self._context.resolve_function_type(func, args, kws)
         self._elsewhere.append((func, args, kws))
         raise TypingError(f"{kernel.py_func.__name__} is being compiled by another process")

@@ -64,10 +64,10 @@ def claimed(kernel: Any) -> Iterator[bool]:
         yield True
         return
     try:
-        ours = lock_file(descriptor) is not False
-        if ours:
+        granted = lock_file(descriptor) is not False
+        if granted:
             _held.add(file)
-        yield ours
+        yield granted
     finally:
         _held.discard(file)
         os.close(descriptor)
