@@ -167,3 +167,21 @@ def test_a_helper_ends_with_its_parent(folder):
     while _members(process.pid):
         time.sleep(0.1)
         assert time.monotonic() < until
+
+
+def test_a_process_that_is_stopped_holds_up_no_other(folder):
+    (folder / "main.py").write_text(
+        "import asperity._core.compile_time as compile_time\ncompile_time._PATIENCE = 0.2\n" + _MAIN
+    )
+    stopped = _run(folder, 0)
+    locks = folder / "cache"
+    until = time.monotonic() + 120.0
+    while not any(locks.rglob("twice_*.lock")) and stopped.poll() is None:
+        assert time.monotonic() < until
+    stopped.send_signal(signal.SIGSTOP)
+    try:
+        result = _run(folder, 0).communicate(timeout=300)[0].split()
+        assert float(result[0]) == _SUM
+    finally:
+        stopped.kill()
+        stopped.wait()

@@ -94,6 +94,8 @@ class KernelLibrary(JITCodeLibrary):
 
 _WAIT = 0.01
 """Time between two looks at a kernel that another process compiles [s]."""
+_PATIENCE = 60.0
+"""A process that has waited this long for others [s], which may be stopped, shares no more."""
 
 
 def _is_kernel(called: Any) -> bool:
@@ -107,6 +109,9 @@ class _TypingContext:
 
     A kernel that another process is compiling counts as a call that cannot be resolved yet.
     """
+
+    waited = 0.0
+    """How long this process has waited for others [s]."""
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -128,7 +133,8 @@ class _TypingContext:
 
     def _resolve(self, func: Any, args: Any, kws: Any) -> Any:
         kernel: Any = getattr(func, "dispatcher", None)
-        if not _is_kernel(kernel) or tuple(args) in kernel.overloads:
+        shares = _is_kernel(kernel) and _TypingContext.waited < _PATIENCE
+        if not shares or tuple(args) in kernel.overloads:
             return self._context.resolve_function_type(func, args, kws)
         with claimed(kernel) as granted:
             if granted:
@@ -148,7 +154,9 @@ class _TypingContext:
                 with left_to_others(func.dispatcher):
                     self._context.resolve_function_type(func, args, kws)
                 return True
-        time.sleep(_WAIT)
+        if elsewhere:
+            time.sleep(_WAIT)
+            _TypingContext.waited += _WAIT
         return bool(elsewhere)
 
     def resolve_getattr(self, typ: Any, attr: str) -> Any:
