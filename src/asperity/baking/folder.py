@@ -19,7 +19,7 @@ from asperity.baking.place import PRESSED, Stroke
 from asperity.geometry.mesh.files import read_mesh
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.document import write_toml
-from asperity.scene.mjcf import mesh_assets, mesh_geoms
+from asperity.scene.mjcf import MODEL, mesh_assets, mesh_geoms
 
 OBJECT, MESH, HEIGHTS = "object", "object.obj", "heights.tiff"
 STIFFNESS = 400.0
@@ -31,21 +31,11 @@ MAX_NODES = 50_000
 large heights make bounds loose: with the usual budget a contact may be missed."""
 _COLOUR = "0.8 0.74 0.63 1"
 
-_XML = """<mujoco model="{name}">
-  <!-- Metres and kilograms. Geoms in group 2 are the shape, for display; group 3 holds the convex
-       pieces that collide. The probe's frame is the centre of its tip; texture, force and motion
-       are in scene.toml. -->
-  <compiler angle="radian"/>
-  <visual>
-    <map znear="0.001"/>
-  </visual>
-  <statistic extent="{extent:.6g}" center="{centre}"/>
-  <asset>
-{assets}
-  </asset>
-  <worldbody>
-    <light pos="{light}" dir="-0.2 0.4 -0.8"/>
-    <body name="object">
+_NOTE = (
+    "Geoms in group 2 are the shape, for display; group 3 holds the convex pieces that collide. "
+    "The probe's frame is the centre of its tip; texture, force and motion are in scene.toml."
+)
+_BODIES = """    <body name="object">
 {geoms}
     </body>
     <body name="probe" pos="{start}">
@@ -55,10 +45,7 @@ _XML = """<mujoco model="{name}">
             mass="0.004" rgba="0.42 0.55 0.72 1"/>
       <geom name="grip" type="capsule" fromto="0 0 {neck:.9g} 0 0 {end:.9g}" size="{thick:.9g}"
             mass="0.045" rgba="0.2 0.2 0.22 1"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+    </body>"""
 
 
 class Texture(NamedTuple):
@@ -129,12 +116,7 @@ def _xml(name: str, mesh: Mesh, pieces: Sequence[Array], stroke: Stroke) -> str:
     def numbers(values: Any) -> str:
         return " ".join(f"{value:.9g}" for value in values)
 
-    return _XML.format(
-        name=name.replace("&", "and").replace('"', "").replace("<", ""),
-        extent=extent,
-        centre=numbers(0.5 * (low + high)),
-        light=numbers(0.5 * (low + high) + extent * np.array([0.3, -0.6, 1.2])),
-        assets=mesh_assets(OBJECT, mesh, pieces),
+    bodies = _BODIES.format(
         geoms=mesh_geoms(
             OBJECT, mesh, density=[1000.0] * len(pieces), rgba=[_COLOUR] * len(pieces)
         ),
@@ -145,4 +127,14 @@ def _xml(name: str, mesh: Mesh, pieces: Sequence[Array], stroke: Stroke) -> str:
         end=radius * 220.0 / 3.0,
         thin=0.6 * radius,
         thick=radius * 8.0 / 3.0,
+    )
+    return MODEL.format(
+        name=name.replace("&", "and").replace('"', "").replace("<", ""),
+        note=_NOTE,
+        compiler="",
+        extent=extent,
+        centre=numbers(0.5 * (low + high)),
+        light=numbers(0.5 * (low + high) + extent * np.array([0.3, -0.6, 1.2])),
+        assets=mesh_assets(OBJECT, mesh, pieces),
+        bodies=bodies,
     )

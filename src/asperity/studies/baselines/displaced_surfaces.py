@@ -185,17 +185,3 @@ def spacing_for(body: Body, most: int) -> float:
     """Return the finest spacing [m] at which a body's surface has at most about `most` points."""
     # Triangles of a mesh are divided one by one, each into more parts than necessary.
     return math.sqrt(smooth_area(body) * (1.0 if body.mesh is None else 3.0) / most)
-
-
-def points_between(surface: DisplacedSurface, spacing: float) -> Array:
-    """Return points (n, 3) of a surface, none farther than `spacing` [m] from its neighbours."""
-    corners = surface.points[surface.faces]
-    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
-    pieces = np.maximum(np.ceil(sides / spacing), 1.0).astype(np.int64)
-    out = [surface.points]
-    for n in np.unique(pieces[pieces > 1]):
-        i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
-        inside = i + j <= n
-        weights = np.stack([n - i - j, i, j], axis=-1)[inside] / n
-        out.append((weights @ corners[pieces == n]).reshape(-1, 3))
-    return np.concatenate(out)
