@@ -19,7 +19,7 @@ from asperity.baking.place import PRESSED, Stroke
 from asperity.geometry.mesh.files import read_mesh
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.document import write_toml
-from asperity.scene.mjcf import MODEL, mesh_assets, mesh_geoms
+from asperity.scene.mjcf import mesh_assets, mesh_geoms, model_around
 
 OBJECT, MESH, HEIGHTS = "object", "object.obj", "heights.tiff"
 STIFFNESS = 400.0
@@ -109,18 +109,12 @@ def write_scene(
 
 
 def _xml(name: str, mesh: Mesh, pieces: Sequence[Array], stroke: Stroke) -> str:
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    extent = float(np.linalg.norm(high - low))
     radius = stroke.radius
-
-    def numbers(values: Any) -> str:
-        return " ".join(f"{value:.9g}" for value in values)
-
     bodies = _BODIES.format(
         geoms=mesh_geoms(
             OBJECT, mesh, density=[1000.0] * len(pieces), rgba=[_COLOUR] * len(pieces)
         ),
-        start=numbers(stroke.start),
+        start=" ".join(f"{value:.9g}" for value in stroke.start),
         radius=radius,
         shaft=0.5 * radius,
         neck=radius * 80.0 / 3.0,
@@ -128,13 +122,10 @@ def _xml(name: str, mesh: Mesh, pieces: Sequence[Array], stroke: Stroke) -> str:
         thin=0.6 * radius,
         thick=radius * 8.0 / 3.0,
     )
-    return MODEL.format(
-        name=name.replace("&", "and").replace('"', "").replace("<", ""),
+    return model_around(
+        name,
+        (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)),
         note=_NOTE,
-        compiler="",
-        extent=extent,
-        centre=numbers(0.5 * (low + high)),
-        light=numbers(0.5 * (low + high) + extent * np.array([0.3, -0.6, 1.2])),
         assets=mesh_assets(OBJECT, mesh, pieces),
         bodies=bodies,
     )

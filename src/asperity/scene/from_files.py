@@ -32,7 +32,7 @@ from asperity.scene.asset import (
 )
 from asperity.scene.document import at, require_table
 from asperity.scene.mesh import body_mesh, body_pieces, uv_size
-from asperity.scene.mjcf import MODEL, compiled, mesh_assets, mesh_geoms
+from asperity.scene.mjcf import compiled, mesh_assets, mesh_geoms, model_around
 from asperity.scene.placement import fall, slide_over
 from asperity.scene.scene import Scene, scene_of
 from asperity.scene.shorthand import PRIMITIVES, file_table, pattern, primitive
@@ -336,22 +336,14 @@ def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
     corners = np.concatenate(
         [parts["target"].triangles.reshape(-1, 3), parts["tool"].triangles.reshape(-1, 3) + place]
     )
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    extent = float(np.linalg.norm(high - low))
-
-    def numbers(values: Any) -> str:
-        return " ".join(f"{value:.9g}" for value in values)
-
     geoms = {key: part.geoms for key, part in parts.items()}
-    return MODEL.format(
-        name=name.replace("&", "and").replace('"', "").replace("<", ""),
+    return model_around(
+        name,
+        (corners.min(axis=0), corners.max(axis=0)),
         note=_NOTE,
         compiler=' boundmass="1e-12" boundinertia="2e-15"',
-        extent=extent,
-        centre=numbers(0.5 * (low + high)),
-        light=numbers(0.5 * (low + high) + extent * np.array([0.3, -0.6, 1.2])),
         assets="\n".join(part.assets for part in parts.values()),
-        bodies=_BODIES.format(place=numbers(place), **geoms),
+        bodies=_BODIES.format(place=" ".join(f"{value:.9g}" for value in place), **geoms),
     )
 
 

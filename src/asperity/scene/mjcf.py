@@ -53,6 +53,26 @@ MODEL = """<mujoco model="{name}">
 """Template of a scene: `compiler` are more attributes, `assets` and `bodies` elements."""
 
 
+def model_around(
+    name: str, box: tuple[Array, Array], *, note: str, assets: str, bodies: str, compiler: str = ""
+) -> str:
+    """Return the MJCF of `MODEL`, with its light and view placed by the box (low, high) [m]."""
+    low, high = box
+    extent = float(np.linalg.norm(high - low))
+    middle = 0.5 * (low + high)
+    light = middle + extent * np.array([0.3, -0.6, 1.2])
+    return MODEL.format(
+        name=name.replace("&", "and").replace('"', "").replace("<", ""),
+        note=note,
+        compiler=compiler,
+        extent=extent,
+        centre=" ".join(f"{value:.9g}" for value in middle),
+        light=" ".join(f"{value:.9g}" for value in light),
+        assets=assets,
+        bodies=bodies,
+    )
+
+
 def compiled(xml: str) -> mujoco.MjModel:
     """Return the model of MJCF text, or say in one line what is wrong with it."""
     try:
