@@ -27,7 +27,7 @@ from numba.core import event
 from asperity._core.cores import usable_cores
 from asperity._core.file_lock import lock_file
 
-_HELPERS = "ASPERITY_COMPILE_HELPERS"
+HELPERS = "ASPERITY_COMPILE_HELPERS"
 """Environment variable: the number of helpers, 0 for none."""
 _MOST_HELPERS = 3
 _WORTH_HELP = 8
@@ -124,7 +124,7 @@ class _StartHelpers(event.Listener):
             task = pickle.dumps((sys.path, *name, tuple(self._kernel["args"])))
             helper = subprocess.Popen(
                 [sys.executable, "-c", _START], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL, env=os.environ | {_HELPERS: "0"},
+                stderr=subprocess.DEVNULL, env=os.environ | {HELPERS: "0"},
             )  # fmt: skip
             if helper.stdin is not None:
                 helper.stdin.write(task)
@@ -136,7 +136,7 @@ class _StartHelpers(event.Listener):
 
 def helpers() -> int:
     """Return how many helpers a process starts: one less than its cores, 3 at most."""
-    given = os.environ.get(_HELPERS, "")
+    given = os.environ.get(HELPERS, "")
     if given.isdecimal():
         return int(given)
     # A program with Python inside would be started again as a whole.

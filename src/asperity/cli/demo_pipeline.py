@@ -12,12 +12,12 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asperity._core.kernels import is_compiled
-from asperity._core.shared_compilation import helpers
+from asperity._core.shared_compilation import HELPERS, helpers
 from asperity.runs.sound import Sound, at_one_level, from_run
 from asperity.studies.otaduy_lin_2004.real_surfaces import REAL_SURFACES, RealSurface
 from asperity.studies.otaduy_lin_2004.rub import rub
@@ -67,6 +67,14 @@ class DemoScene:
         """Number of calls of the progress callback."""
         return round(self.seconds * 1e3) // _TICKS + 1
 
+    def load(self) -> Scene:
+        """Return the scene with the demo's settings."""
+        from asperity.scene.builtin import load_scene
+
+        return load_scene(self.name).changed(
+            trajectory={"seconds": self.seconds}, force={"anti_alias": self.anti_alias}
+        )
+
 
 # The longest first, since they share two threads. Anti-aliasing evaluates several poses per tick.
 SCENES = (
@@ -77,7 +85,7 @@ SCENES = (
 """The 6-DoF scenes of the demo."""
 
 
-_COMPILE = f"from asperity.cli.demo_pipeline import first_ticks; first_ticks({SCENES[-1].name!r})"
+_COMPILE = "from asperity.cli.demo_pipeline import compile_geoms; compile_geoms()"
 
 
 @contextmanager
@@ -90,8 +98,9 @@ def _compiling_geoms() -> Iterator[None]:
         yield
         return
     beside = subprocess.Popen(
-        [sys.executable, "-c", _COMPILE], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
+        [sys.executable, "-c", _COMPILE], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        env=os.environ | {HELPERS: "0"},
+    )  # fmt: skip
     try:
         yield
     finally:
@@ -99,21 +108,16 @@ def _compiling_geoms() -> Iterator[None]:
         beside.wait()
 
 
-def first_ticks(name: str) -> None:
-    """Evaluate a scene of the demo at two poses, for which its kernels are compiled.
+def compile_geoms() -> None:
+    """Run the last scene of the demo for two ticks, for which its kernels are compiled.
 
     This process gives way to others: what it compiles is needed last.
     """
     if hasattr(os, "nice"):
         os.nice(10)
-    from asperity.scene.builtin import load_scene
     from asperity.simulation.simulation import Simulation
 
-    shown = next(shown for shown in SCENES if shown.name == name)
-    scene = load_scene(name).changed(
-        trajectory={"seconds": 2e-3}, force={"anti_alias": shown.anti_alias}
-    )
-    Simulation(scene).rollout()
+    Simulation(replace(SCENES[-1], seconds=2e-3).load()).rollout()
 
 
 @contextmanager
@@ -258,11 +262,8 @@ def _run_one(
 ) -> tuple[Run, tuple[Picture, Picture], Scene]:
     """Run a 6-DoF scene; return the run, its pictures, and the scene."""
     from asperity.runs.run_scene import run_scene, take_pictures
-    from asperity.scene.builtin import load_scene
 
-    scene = load_scene(shown.name).changed(
-        trajectory={"seconds": shown.seconds}, force={"anti_alias": shown.anti_alias}
-    )
+    scene = shown.load()
 
     def advance(i: int, _: Rollout) -> None:
         if i % _TICKS == 0:
