@@ -10,6 +10,8 @@ import asperity
 from asperity.cli import main
 from asperity.designing.target_file import read_request
 from asperity.errors import AsperityError
+from asperity.runs.run_scene import run_scene
+from asperity.scene.builtin.probe_plate import probe_plate
 
 SURFACE = {"pattern": "sinusoid", "wavelength": 2e-3, "free": {"amplitude": [5e-6, 2e-4]}}
 QUICK = {"strokes": 1, "starts": 1, "candidates": 1}
@@ -79,6 +81,26 @@ def test_a_spectrum_is_demanded_band_by_band():
     assert [demand.value for demand in request.demands] == [1.0, 0.5]
     low, high = request.demands[1].measure.band
     assert low * high == pytest.approx(80.0**2)
+
+
+def test_a_recorded_surface_is_found_again(tmp_path):
+    """The tip of 3 mm slides over waves of 2 mm, 0.1 mm high; the scene's own hand is stiff."""
+    run_scene(probe_plate(), tmp_path / "recording.h5")
+    table = {
+        "target": {"kind": "recording", "file": str(tmp_path / "recording.h5")},
+        "surface": {"pattern": "sinusoid"}, "search": {"strokes": 1, "candidates": 1},
+        "plate": {"size": [0.01, 0.01]},
+    }  # fmt: skip
+    made = asperity.design(table, tmp_path / "d", six_dof=False)
+    [surface] = made.surfaces
+    assert surface.worst < 0.25
+    assert surface.parameters["wavelength"] == pytest.approx(2e-3, rel=0.05)
+    assert surface.parameters["amplitude"] == pytest.approx(1e-4, rel=0.25)
+    # Waves pass at 41.5 Hz: what lies between that and its double is no target.
+    middles = [np.sqrt(np.prod(demand.measure.band)) for demand in surface.demands]
+    assert any(37.0 < middle < 47.0 for middle in middles)
+    assert not any(90.0 < middle < 110.0 for middle in middles)
+    assert "third octaves" in (tmp_path / "d" / "report.html").read_text("utf-8")
 
 
 def test_lists_go_together():

@@ -4,10 +4,11 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from asperity.designing.candidate import DesignSettings, UnreachableError
 from asperity.designing.forward import Demand
-from asperity.designing.free_map import FreeMap, FreeProblem, search_free_map
+from asperity.designing.free_map import FreeMap, FreeProblem, Retreating, search_free_map
 from asperity.designing.measures import VibrationMeasure
 from asperity.designing.pattern_search import at_parameters, demands_of, search_pattern
 from asperity.designing.process import process_of
@@ -69,6 +70,22 @@ def test_a_free_map_meets_the_metrics_of_another():
     assert surface.tile.limits.slope <= 1.01 * process.slope
     assert surface.tile.limits.relief <= 1.01 * process.relief
     assert surface.tile.limits.feature >= 0.99 * process.feature
+
+
+def test_a_step_to_a_map_without_motion_is_taken_back():
+    asked = []
+
+    def loss(x):
+        asked.append(float(x[0]))
+        if x[0] > 0.95:
+            raise AsperityError("the hand stays in a notch")
+        return float((x[0] - 0.9) ** 2), 2.0 * (x - 0.9)
+
+    found = minimize(Retreating(loss), [0.0], jac=True, method="L-BFGS-B")
+    assert max(asked) > 0.95
+    assert found.x[0] == pytest.approx(0.9, abs=1e-3)
+    with pytest.raises(AsperityError, match="notch"):
+        Retreating(loss)(np.array([2.0]))
 
 
 @pytest.mark.slow

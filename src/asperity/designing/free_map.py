@@ -16,6 +16,7 @@ process, and the size of the changes; L-BFGS takes its gradient from `forward`.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -196,8 +197,17 @@ class FreeProblem:
     def levelled(self, x: Array) -> Array:
         """Return the unknowns with all heights scaled to what is wanted on average."""
         x = np.array(x)
-        for _ in range(4):
-            miss = self.wanted - np.log(np.maximum(self.values(x, steps=False), 1e-12))
+        for i in range(8):
+            try:
+                values = self.values(x, steps=False)
+            except AsperityError:  # too rough for the hand to move
+                if i == 7:
+                    raise
+                x[_GAINS] -= math.log(2.0)
+                continue
+            miss = self.wanted - np.log(np.maximum(values, 1e-12))
+            if np.abs(np.mean(miss)) < 1e-3:
+                break
             degree = self.demands[0].measure.degree
             x[_GAINS] += float(np.mean(miss)) / degree
         x[_GAINS] = np.clip(x[_GAINS], -_LARGEST_GAIN, _LARGEST_GAIN)
@@ -220,6 +230,31 @@ def _can_be_made(surface: DesignedSurface, settings: DesignSettings) -> bool:
     return limits.slope <= SLACK * process.slope and limits.relief <= SLACK * process.relief
 
 
+class Retreating:
+    """A loss that points back to its last good place where no hand would move.
+
+    A step of the line search may lead to a map in whose notches the hand stays. It has no metrics,
+    which says nothing against the maps on the way there.
+    """
+
+    def __init__(self, loss: Callable[[Array], tuple[float, Array]]) -> None:
+        self._loss, self._good = loss, (math.nan, np.zeros(0))
+
+    def __call__(self, x: Array) -> tuple[float, Array]:
+        """Return the loss and its gradient at x."""
+        try:
+            value, gradient = self._loss(x)
+        except AsperityError:
+            value, last = self._good
+            if math.isnan(value):
+                raise
+            away = x - last
+            far = float(away @ away)
+            return 2.0 * value + 1.0, away * (2.0 * (value + 1.0) / max(far, 1e-300))
+        self._good = value, np.array(x)
+        return value, gradient
+
+
 def _minimise(problem: FreeProblem, x: Array, tell: Tell | None) -> Array:
     from scipy.optimize import minimize
 
@@ -236,7 +271,7 @@ def _minimise(problem: FreeProblem, x: Array, tell: Tell | None) -> Array:
             raise StopIteration
 
     found = minimize(
-        problem.loss, x, jac=True, method="L-BFGS-B", bounds=bounds, callback=after,
+        Retreating(problem.loss), x, jac=True, method="L-BFGS-B", bounds=bounds, callback=after,
         options={"maxiter": _ITERATIONS, "maxcor": 12},
     )  # fmt: skip
     return np.asarray(found.x)

@@ -26,7 +26,7 @@ _HALF = 2.0 ** (1.0 / 6.0)
 _MIDDLES = 31.5 * 2.0 ** (np.arange(12) / 3.0)
 """Middles of the third octaves that are taken from a recording, 31.5 to 400 Hz."""
 _FAINT = 0.1
-"""A third octave fainter than this share of the loudest is noise, and no target."""
+"""A third octave fainter than this share of the loudest is noise, and no target. asperity's."""
 
 
 def spectrum_demands(
@@ -145,12 +145,14 @@ def demands_like_recording(
     vibration = found.vibration[np.flatnonzero(moving)[0] : np.flatnonzero(moving)[-1] + 1]
     frequencies, amplitudes = spectrum(vibration, 1.0 / found.rate, periodic=False)
     middles = [f for f in _MIDDLES if f < 0.4 * found.rate]
-    levels = np.array([
-        hand.mass * np.sqrt(0.5 * np.sum(amplitudes**2 * band_gain(
-            frequencies, (f / _HALF, f * _HALF))))
-        for f in middles
+    bands = [(f / _HALF, f * _HALF) for f in middles]
+    powers = 0.5 * (hand.mass * amplitudes) ** 2
+    levels = np.sqrt([np.sum(powers * band_gain(frequencies, band)) for band in bands])
+    # What a band-pass lets through from its neighbours is no feature of the surface.
+    within = np.sqrt([
+        np.sum(powers[(low <= frequencies) & (frequencies < high)]) for low, high in bands
     ])  # fmt: skip
-    heard = levels > _FAINT * levels.max()
+    heard = within > _FAINT * within.max()
     demands = spectrum_demands(
         [f for f, one in zip(middles, heard, strict=True) if one], list(levels[heard]),
         "force", diameter=diameter, speed=speed, force=force,

@@ -47,6 +47,9 @@ _TOP = ("target", "surface", "process", "hand", "plate", "search")
 _MOST_STIMULI = 50
 _FREE_TOLERANCE = 0.05
 """Of free maps, if none is given; that of patterns is 2 %."""
+_RECORDED_TOLERANCE = 0.25
+"""Of what is to be like a recording, if none is given: 2 dB, asperity's. The hand that was recorded
+is not the hand of the model, so that no surface has exactly its levels."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,8 @@ def read_request(target: str | os.PathLike[str] | Mapping[str, Any]) -> DesignRe
     accept = search.pop("accept", "target")
     require_choice("accept in search", accept, ("target", "nearest"))
     unknowns, starts = _surfaces(table.get("surface"))
+    if dict(table.get("target", {})).get("kind") == "recording":
+        search.setdefault("tolerance", _RECORDED_TOLERANCE)
     free_tolerance = search.get("tolerance", _FREE_TOLERANCE)
     settings = _made(DesignSettings, search | {"process": process, "hand": hand}, "search")
     wanted = dict(table.get("target", {}))
