@@ -16,6 +16,9 @@ _OFTEN = (0.0, -1.0, -99.0, -999.0, -9999.0, 9999.0, -32767.0, -32768.0, 65535.0
 """Numbers that stand for missing values."""
 _FAR, _OFTEN_FAR = 10.0, 2.0
 """Distance from all others, in their range, from which a value is suspected."""
+_LOOKED_AT = 4000
+"""Values of a map that are looked at first."""
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 DOUBT = "is that plausible?"
 """How a note that doubts a scale begins."""
 _STEEPEST = 30.0
@@ -45,8 +48,10 @@ def doubts(heights: Array, pixel_size: tuple[float, float], relief: float) -> li
         )
     if relief == 0.0:
         return notes
-    tall = relief > min(max(sides), _LARGEST_RELIEF)
-    if tall or relief < _SMALLEST_RELIEF or _rms_slope(heights, pixel_size[0]) > _STEEPEST:
+    doubtful = not _SMALLEST_RELIEF <= relief <= min(max(sides), _LARGEST_RELIEF)
+    if not doubtful and relief > _STEEPEST * pixel_size[0]:  # else no slope is so steep
+        doubtful = _rms_slope(heights, pixel_size[0]) > _STEEPEST
+    if doubtful:
         notes.append(
             f"{DOUBT} A relief of {1e3 * relief:.4g} mm on a map of {size} mm: check "
             "the heights' unit, or give unit or height_range"
@@ -73,11 +78,13 @@ def sentinel_note(values: Array, low: float, high: float) -> str | None:
     low, high : float
         Least and largest of them; NaN if some are missing.
     """
-    some = values.ravel()[:: max(1, values.size // 4000)]
+    # Multiples of the golden ratio meet all columns, which even steps through the rows do not.
+    places = (np.arange(_LOOKED_AT) * _GOLDEN % 1.0 * values.size).astype(np.int64)
+    some = values.ravel()[places]
     inner = some[(some > low) & (some < high)]
     if inner.size > 1 and (_OFTEN_FAR + 1.0) * float(np.ptp(inner)) > high - low:
         return None  # most maps: their values fill their range
-    finite = values[np.isfinite(values)]
+    finite = values if np.isfinite(low + high) else values[np.isfinite(values)]
     if finite.size < 16:
         return None
     low, high = float(finite.min()), float(finite.max())
