@@ -1,4 +1,4 @@
-"""Makes scenes.png: the paper's three scenes, close, with the forces."""
+"""Makes scenes.png and soft-bodies.png: scenes, close, with the forces."""
 
 import tempfile
 from pathlib import Path
@@ -12,17 +12,22 @@ from asperity.drawing.figure_style import COLOURS, style
 from asperity.drawing.renderer.contact import close_picture
 from asperity.runs.run_scene import run_scene
 
-SCENES = {"probe-plate-dots": 0.2, "hammer-blocks": 0.12, "file-cad": 0.08}
-"""How long each is run [s]; the picture is of the moment of the largest force across the normal."""
-OUT = Path(__file__).with_name("scenes.png")
+FIGURES = {
+    "scenes": {"probe-plate-dots": 0.2, "hammer-blocks": 0.12, "file-cad": 0.08},
+    "soft-bodies": {"tactile-map": 0.4, "sponge": 0.2, "palpation": 0.65},
+}
+"""Scenes of each picture, and how long each is run [s]; it is of the moment of the largest force
+across the normal."""
 
-with style(), tempfile.TemporaryDirectory() as folder:
-    figure = Figure(figsize=(10.2, 3.6), dpi=125)
-    for axis, (name, seconds) in zip(figure.subplots(1, 3), SCENES.items(), strict=True):
+
+def draw(name: str, scenes: dict[str, float], folder: Path) -> None:
+    """Write one picture beside this file."""
+    figure, out = Figure(figsize=(10.2, 3.6), dpi=125), Path(__file__).with_name(f"{name}.png")
+    for axis, (name, seconds) in zip(figure.subplots(1, 3), scenes.items(), strict=True):
         scene = load_scene(name).changed(
             trajectory={"seconds": seconds}, force={"anti_alias": "off"}
         )
-        moment = run_scene(scene, Path(folder) / f"{name}.h5").moment
+        moment = run_scene(scene, folder / f"{name}.h5").moment
         picture = close_picture(scene, moment, columns=520, rows=520)
         axis.imshow(np.clip(picture.image, 0.0, 1.0), interpolation="antialiased")
         longest = 0.3 * picture.camera.width / np.linalg.norm(moment.force, axis=1).max()
@@ -37,6 +42,11 @@ with style(), tempfile.TemporaryDirectory() as folder:
         axis.grid(False)
         axis.spines[:].set_visible(False)
     figure.subplots_adjust(left=0.008, right=0.992, top=0.9, bottom=0.02, wspace=0.03)
-    figure.savefig(OUT, dpi=140)
-picture = Image.open(OUT).convert("RGB").quantize(256)
-picture.save(OUT, optimize=True)
+    figure.savefig(out, dpi=140)
+    picture = Image.open(out).convert("RGB").quantize(256)
+    picture.save(out, optimize=True)
+
+
+with style(), tempfile.TemporaryDirectory() as folder:
+    for name, scenes in FIGURES.items():
+        draw(name, scenes, Path(folder))

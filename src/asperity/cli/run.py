@@ -37,6 +37,7 @@ class RunCommand:
 
     scene: Annotated[Positional[str | None], arg(metavar="SCENE")] = None
     """probe-plate, probe-plate-dots, probe-plate-grating, hammer-blocks, file-cad, finger-plate,
+    tactile-map, sponge, palpation,
     or a folder with a scene, or an MJCF or URDF file. Alternatively, give --tool and --target."""
     tool: str | None = None
     """Mesh of the tool, z upwards (.obj, .glb, .gltf, .ply, .stl, .usd), or a solid: sphere:3mm,
@@ -92,7 +93,7 @@ class RunCommand:
     `asperity devices`."""
     options: Annotated[DeviceOptions, arg(name="")] = field(default_factory=DeviceOptions)
     field_rate_hz: Annotated[float | None, Range(0.1, 1e5, "Hz")] = None
-    """Rate at which the pressure and shear on a soft tool go into the recording, and pictures of
+    """Rate at which the pressure and shear on a soft skin go into the recording, and pictures of
     the pressure into the folder pressure. Default: none are recorded."""
     hand: bool = False
     """Hold the tool with a simulated hand, which follows the trajectory, presses, and yields."""
@@ -121,7 +122,7 @@ class RunCommand:
 
         scene = self._scene()
         if self.field_rate_hz and scene.skin is None:
-            raise AsperityError(f"--field-rate-hz: {scene.name} has no soft tool ([tool.skin])")
+            raise AsperityError(f"--field-rate-hz: {scene.name} has no soft skin ([tool.skin])")
         scale = scale_table(scene)
         motion = self._motion(scene)
         announce_compiling("press" if scene.skin else "tick")  # before the progress bar is drawn

@@ -233,8 +233,8 @@ def _can_be_made(surface: DesignedSurface, settings: DesignSettings) -> bool:
 class Retreating:
     """A loss that points back to its last good place where no hand would move.
 
-    A step of the line search may lead to a map in whose notches the hand stays. It has no metrics,
-    which says nothing against the maps on the way there.
+    A step of the line search may lead to a map in whose notches the hand stays. Such a map has no
+    metrics, but those on the way to it may be good.
     """
 
     def __init__(self, loss: Callable[[Array], tuple[float, Array]]) -> None:

@@ -80,7 +80,7 @@ def run_scene(
     source : str
         What `load_scene` needs to load the scene again, for `replay`. Default: its name.
     field_rate : float
-        Rate at which the pressure and shear of a soft tool are recorded [Hz], at most that of the
+        Rate at which the pressure and shear of a soft skin are recorded [Hz], at most that of the
         ticks; 0 records none.
     on_tick : callable
         Called after each tick with its number and what there is so far.

@@ -97,7 +97,7 @@ def read_fields(path: str | Path) -> SkinFields:
             group = opened.get("skin")
             if group is None:
                 raise AsperityError(
-                    f"{file} has no pressure fields; record a scene with [tool.skin] with "
+                    f"{file} has no pressure fields; record a scene with a soft skin with "
                     "--field-rate-hz"
                 )
             n = len(group["time"])

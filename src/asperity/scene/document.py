@@ -66,8 +66,8 @@ def check_document(document: Table, body_names: Iterable[str]) -> None:
     for name, table in document.get("bodies", {}).items():
         _require_body(name, "bodies", names)
         require_table(table, f"bodies.{name}")
-        require_keys(table, f"bodies.{name}", ("mesh", *SURFACE, "materials", "geoms"))
-        for part in (*PARTS, "materials", "geoms"):
+        require_keys(table, f"bodies.{name}", ("mesh", *SURFACE, "materials", "geoms", "skin"))
+        for part in (*PARTS, "materials", "geoms", "skin"):
             require_table(table.get(part, {}), f"bodies.{name}.{part}")
         for material, texture in table.get("materials", {}).items():
             require_table(texture, f"bodies.{name}.materials.{material}")

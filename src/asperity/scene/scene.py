@@ -7,7 +7,7 @@ bodies of primitive geoms, or of the convex pieces of a mesh; the tool is a body
     schema = 1
 
     [tool]
-    body = "probe"               # [tool.skin]: an elastic layer on it
+    body = "probe"               # [tool.skin] or [bodies.NAME.skin]: an elastic layer on it
 
     [bodies.part.mesh]           # the surface of a body whose geoms are of type mesh
     file = "part.stl"
@@ -67,7 +67,7 @@ from asperity.scene.friction import settings_with, with_frictions
 from asperity.scene.mesh import copy_with_companions, geoms_mesh
 from asperity.scene.mjcf import read_mjcf, tool_start, touchable_geoms
 from asperity.scene.regions import material_surface
-from asperity.scene.skin import tool_skin
+from asperity.scene.skin import scene_skin
 from asperity.scene.texture import body_surface
 from asperity.scene.trajectory import KINDS, ScriptedMotion, Trajectory
 from asperity.scene.trajectory_file import read_poses
@@ -114,7 +114,8 @@ class Scene:
     notes : tuple of str
         Choices and changes made while meshes and textures were read.
     skin : SoftSkin or None
-        Elastic layer on the tool; contact is then between it and the other bodies.
+        Elastic layer on the tool, which then meets the other bodies; or on the one body that the
+        rigid tool meets.
     """
 
     name: str
@@ -321,7 +322,7 @@ def scene_of(
             *(f"{body.name}: {note}" for body in bodies for note in _notes(body)),
             *([_BAND_NOTE] if anti_alias == "band" and coupling.mode != "direct" else []),
         ),
-        skin=tool_skin(document["tool"].get("skin", {}), tool, bodies),
+        skin=scene_skin(document, tool, bodies),
     )
 
 

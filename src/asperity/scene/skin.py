@@ -1,8 +1,9 @@
-"""The table `[tool.skin]` of `scene.toml`: an elastic layer on the tool."""
+"""The tables `[tool.skin]` and `[bodies.NAME.skin]` of `scene.toml`: an elastic layer on a body."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from asperity.contact.soft.skin import SoftSkin
 from asperity.errors import AsperityError
@@ -15,22 +16,24 @@ def _keys(
     modulus: float,
     poisson: float = 0.45,
     taxels: Sequence[float] = (64, 64),
-    facing: Sequence[float] = (0.0, 0.0, -1.0),
+    facing: Sequence[float] = (),
     size: Sequence[float] = (),
     middle: Sequence[float] = (),
     friction: float = 0.0,
+    lumps: Sequence[float] = (),  # lists of numbers: see `_lumps`
 ) -> None:
     """Have the keys of the table as parameters; see `SoftSkin`."""
 
 
-def tool_skin(table: Table, tool: str, bodies: Sequence[Body]) -> SoftSkin | None:
-    """Return the skin of a scene's tool, None without one.
+def scene_skin(document: Table, tool: str, bodies: Sequence[Body]) -> SoftSkin | None:
+    """Return the skin of a scene, None without one.
 
     Parameters
     ----------
-    table : mapping
-        `[tool.skin]`: `thickness` [m], `modulus` [Pa], `poisson`, `taxels` (rows, columns),
-        `facing`, `size`, `middle` and `friction` of `SoftSkin`. By default it faces down.
+    document : mapping
+        Contents of `scene.toml`. `[tool.skin]` or `[bodies.NAME.skin]` has `thickness` [m],
+        `modulus` [Pa], `poisson`, `taxels` (rows, columns), `facing`, `size`, `middle`, `friction`
+        and `lumps` of `SoftSkin`. By default that of the tool faces down, that of a body up.
     tool : str
     bodies : sequence of Body
         All bodies of the scene.
@@ -38,18 +41,43 @@ def tool_skin(table: Table, tool: str, bodies: Sequence[Body]) -> SoftSkin | Non
     Raises
     ------
     AsperityError
-        A key or a value is wrong, or a body is a mesh.
+        A key or a value is wrong, a body is a mesh, or there are two skins, or a body beside the
+        tool and one with a skin.
     """
-    if not table:
+    tables = {"tool.skin": (tool, document["tool"].get("skin"))}
+    for name, part in document.get("bodies", {}).items():
+        tables[f"bodies.{name}.skin"] = (name, part.get("skin"))
+    found = [(key, name, table) for key, (name, table) in tables.items() if table]
+    if not found:
         return None
-    given = arguments(table, "tool.skin", _keys)
+    (key, bearer, table), *more = found
+    if more:
+        raise AsperityError(f"{key} and {more[0][0]}: a scene has one soft skin; leave one out")
+    if key != "tool.skin" and bearer == tool:
+        raise AsperityError(f"{key}: {tool!r} is the tool; its skin is [tool.skin]")
+    given = arguments({k: v for k, v in table.items() if k != "lumps"}, key, _keys)
+    if "lumps" in table:
+        given["lumps"] = _lumps(table["lumps"], f"{key}.lumps")
     for body in bodies:
         if body.mesh is not None:
             raise AsperityError(
-                f"tool.skin: body {body.name!r} is a mesh; a skin and what it meets are of simple "
-                "geoms"
+                f"{key}: body {body.name!r} is a mesh; a skin and what it meets are of simple geoms"
             )
-    if len(bodies) < 2:
-        raise AsperityError("tool.skin: there is no other body that it could meet")
-    own = next(body for body in bodies if body.name == tool)
-    return at("tool.skin", lambda: SoftSkin(own, **{"facing": (0.0, 0.0, -1.0), **given}))
+    others = [body.name for body in bodies if body.name not in (bearer, tool)]
+    if bearer == tool and not others:
+        raise AsperityError(f"{key}: there is no other body that it could meet")
+    if bearer != tool and others:
+        raise AsperityError(
+            f"{key}: the tool of such a scene meets {bearer!r} alone, and there is {others[0]!r}; "
+            'leave it out, or have it only seen (contype="0" conaffinity="0")'
+        )
+    facing = (0.0, 0.0, -1.0 if bearer == tool else 1.0)
+    own = next(body for body in bodies if body.name == bearer)
+    return at(key, lambda: SoftSkin(own, **{"facing": facing, **given}))
+
+
+def _lumps(value: Any, key: str) -> Sequence[Any]:
+    """Return a list of lists, or refuse it; their numbers are checked by `SoftSkin`."""
+    if not isinstance(value, Sequence) or not all(isinstance(one, Sequence) for one in value):
+        raise AsperityError(f"{key} must be a list of lists [x, y, z, radius] in m, got {value!r}")
+    return value

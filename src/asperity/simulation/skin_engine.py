@@ -1,4 +1,4 @@
-"""Contact of a soft tool, in the place of `ContactSolver`."""
+"""Contact of a soft tool, or of a rigid tool with a soft body, in the place of `ContactSolver`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from asperity.contact.contacts import empty_contacts
 from asperity.contact.response.stiffness import ContactDerivatives
 from asperity.contact.soft.skin import SoftSkin
 from asperity.contact.soft.skin_contact import SkinContact
-from asperity.geometry.poses import mean_twist
+from asperity.geometry.poses import mean_twist, rotation_of
 from asperity.geometry.rigid_body import centre_of_mass, cross
 from asperity.scene.scene import Scene
 
 
 class SkinEngine:
-    """Contact of a scene's soft tool with its other bodies.
+    """Contact of a scene's tool with its other bodies, where one of them bears a soft skin.
 
     It has what `ToolContact` asks of a `ContactSolver`. Its contact, where there is one, is the sum
     of all taxels: at the centre of pressure, with the largest compression as its depth.
@@ -28,11 +28,15 @@ class SkinEngine:
     def __init__(self, scene: Scene, skin: SoftSkin) -> None:
         data = mujoco.MjData(scene.model)
         mujoco.mj_kinematics(scene.model, data)
-        others = [body for body in scene.bodies if body.name != scene.tool]
-        places = [data.body(body.name) for body in others]
-        poses = [np.concatenate([place.xpos, place.xquat]) for place in places]
+        self._is_tool = skin.body.name == scene.tool
+        met = [body for body in scene.bodies if (body.name == scene.tool) != self._is_tool]
+        places = {body.name: data.body(body.name) for body in scene.bodies}
+        poses = {name: np.concatenate([at.xpos, at.xquat]) for name, at in places.items()}
         self.centre = np.array(scene.model.body(scene.tool).ipos)
-        self.skin = SkinContact(skin, others, poses, centre=self.centre.tolist())
+        self._home = poses[skin.body.name]
+        self.skin = SkinContact(
+            skin, met, [poses[body.name] for body in met], centre=self.centre.tolist()
+        )
         """The fields of the last pose."""
         self.contacts = empty_contacts(1)
         self.was_cut = False
@@ -48,30 +52,41 @@ class SkinEngine:
 
     def wrench(self, pose: Array, dt: float, seconds: float = math.inf) -> Array:
         """Return the wrench at a pose; see `ContactSolver.wrench`."""
-        twist = None
+        twist = np.zeros(6)
         if dt > 0.0 and self._last is not None:
             twist = mean_twist(self._last, pose, dt)
             arm = centre_of_mass(pose, self.centre) - pose[:3]
             twist[:3] += cross(twist[3:], arm)
         if dt > 0.0:
             self._last = np.array(pose)
-        wrench = self.skin.wrench(pose, twist)
+        if self._is_tool:
+            wrench = self.skin.wrench(pose, twist)
+        else:  # the same contact, seen from the tool: equal and opposite
+            self.skin.place([pose])
+            centre = rotation_of(self._home[3:]).T @ (
+                centre_of_mass(pose, self.centre) - self._home[:3]
+            )
+            wrench = -self.skin.wrench(self._home, -twist, about=centre)
         self._sum_up(wrench)
         return wrench
 
+    @property
+    def _damped(self) -> Array:
+        """Friction in the last wrench, (6,)."""
+        return self.skin.out.damped if self._is_tool else -self.skin.out.damped
+
     def _sum_up(self, wrench: Array) -> None:
         """Fill the contact."""
-        out, contacts = self.skin.out, self.contacts
-        push = np.sqrt((out.force**2).sum(axis=1))
-        total = float(push.sum())
+        push, contacts = self.skin.out.push, self.contacts
+        total = float(push[0])
         contacts.count[0] = int(total > 0.0)
         if total == 0.0:
             return
-        normal = wrench[:3] - out.damped[:3]
+        normal = wrench[:3] - self._damped[:3]
         normal /= max(float(np.linalg.norm(normal)), 1e-30)
-        contacts.point[0] = push @ out.point / total
+        contacts.point[0] = push[1:4] / total
         contacts.normal[0] = contacts.slope_normal[0] = normal
-        contacts.depth[0] = out.compression.max()
+        contacts.depth[0] = push[4]
         contacts.weight[0] = 1.0
         contacts.force[0] = wrench[:3]
 
@@ -83,7 +98,7 @@ class SkinEngine:
     def derivatives(self, motion: Any = None) -> ContactDerivatives:
         """Return stiffness, damping and the friction in the last wrench."""
         out = self.skin.out
-        return ContactDerivatives(out.stiffness.copy(), out.damping.copy(), out.damped.copy())
+        return ContactDerivatives(out.stiffness.copy(), out.damping.copy(), self._damped.copy())
 
     def stiffness(self) -> Array:
         """Return the stiffness (6, 6) at the last pose."""

@@ -29,7 +29,7 @@ _HEIGHTS = ("amplitude", "height", "depth", "rms", "rms_slope", "height_range")
 """Parameters that scale with the relief."""
 _LENGTHS = (
     "wavelength", "pitch", "width", "diameter", "second_pitch", "flank", "fillet", "size",
-    "pixel_size", "length", "rolloff", "cutoff",
+    "pixel_size", "length", "rolloff", "cutoff", "line", "scale",
 )  # fmt: skip
 """Parameters that scale with the pixel size."""
 RELIEF, PIXEL = (1e-7, 5e-3), (1e-7, 1e-3)

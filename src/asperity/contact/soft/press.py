@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from asperity._core.arrays import Array
+from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import inner_kernel, kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.soft.exits import exit_of
@@ -27,6 +27,10 @@ SLIP_SPEED = 5e-3
 """Speed v0 of the regularised friction [m/s]; project default."""
 _GRAZING = 1e-3
 """Least cosine between a ray and a normal with which a force is computed."""
+
+
+BLOCK = 64
+"""Taxels that are left out together, where no solid is near them."""
 
 
 class TaxelArrays(NamedTuple):
@@ -40,17 +44,12 @@ class TaxelArrays(NamedTuple):
     """Unit vectors along columns and rows, across the ray; (n, 2, 3)."""
     area: Array
     """Of the smooth surface [m^2], (n,)."""
-
-
-class SkinLaw(NamedTuple):
-    """Properties of a layer."""
-
-    modulus: float
-    """K [Pa/m]."""
-    thickness: float
-    """[m]"""
-    friction: float
-    """Coulomb's coefficient [-]."""
+    thickness: Array
+    """Of the layer, along the ray [m], (n,)."""
+    modulus: Array
+    """K [Pa/m], (n,)."""
+    block: Array
+    """Middle and radius of a ball round the rays of each `BLOCK` taxels [m], (blocks, 4)."""
 
 
 class SkinOutput(NamedTuple):
@@ -63,7 +62,12 @@ class SkinOutput(NamedTuple):
     force: Array
     """[N], world axes, (n, 3)."""
     point: Array
-    """Where the force acts [m], world axes, (n, 3); that of the surface at rest without contact."""
+    """Where the force acts [m], world axes, (n, 3); only of taxels in contact."""
+    pressed: Indices
+    """Numbers of the taxels in contact, and as the last entry how many there are, (n + 1,)."""
+    push: Array
+    """Sum of the forces' sizes [N], of these times their places [N m], and the largest compression
+    [m], (5,)."""
     wrench: Array
     """(6,) [N, N m]"""
     stiffness: Array
@@ -123,8 +127,85 @@ def _add_spring(direction, arm, stiffness, jacobian, matrix_out):
             matrix_out[i, j] += stiffness * jacobian[i] * jacobian[j]
 
 
+@inner_kernel
+def _is_near(solids, relative, taxels, block):
+    """Return whether a solid may touch a block of taxels."""
+    for g in range(relative.shape[0]):
+        far = 0.0
+        for i in range(3):
+            x = relative[g, i, 3]
+            for j in range(3):
+                x += relative[g, i, j] * taxels.block[block, j]
+            far += x * x
+        if far <= (solids.bound[g] + taxels.block[block, 3]) ** 2:
+            return True
+    return False
+
+
+@inner_kernel
+def _deepest(solids, relative, taxels, t, x_out, d_out):
+    """Return how far a taxel is pressed in, by which geom, -1 for none, and by which sheet of it.
+
+    Fills where the ray leaves that geom, and the ray's direction, in the geom's frame (3,).
+    """
+    depth, hit, face, thickness = 0.0, -1, 0, taxels.thickness[t]
+    x, d = stack_array((3,)), stack_array((3,))
+    for g in range(relative.shape[0]):
+        for i in range(3):
+            x[i], d[i] = relative[g, i, 3], 0.0
+            for j in range(3):
+                x[i] += relative[g, i, j] * taxels.point[t, j]
+                d[i] += relative[g, i, j] * taxels.inwards[t, j]
+        s, by = exit_of(solids, g, x, d, thickness)
+        if s > depth and s < 2.0 * thickness:
+            depth, hit, face = s, g, by
+            for i in range(3):
+                x_out[i], d_out[i] = x[i] + s * d[i], d[i]
+    return depth, hit, face
+
+
+@inner_kernel
+def _add_taxel(t, taxels, friction, pose, origin, m, twist, out):
+    """Add the pressure and friction of a taxel that is pressed in; return its energy [J].
+
+    `origin` (3,) is the point about which torques are, world axes.
+    """
+    jacobian = stack_array((6,))
+    area, thickness = taxels.area[t], taxels.thickness[t]
+    pressure, slope, stored = layer_pressure(taxels.modulus[t], thickness, out.compression[t])
+    rx = out.point[t, 0] - origin[0]
+    ry = out.point[t, 1] - origin[1]
+    rz = out.point[t, 2] - origin[2]
+    _add_spring(m, (rx, ry, rz), slope * area, jacobian, out.stiffness)
+    for i in range(6):
+        out.wrench[i] += pressure * area * jacobian[i]
+    for i in range(3):
+        out.force[t, i] = pressure * area * m[i]
+    if friction > 0.0:
+        _add_friction(t, friction * pressure * area, m, (rx, ry, rz), twist, out)
+    size = 0.0
+    for i in range(3):
+        size += out.force[t, i] ** 2
+        for j in range(3):
+            turned = (
+                pose[i, 0] * taxels.inwards[t, 0] + pose[i, 1] * taxels.inwards[t, 1]
+                + pose[i, 2] * taxels.inwards[t, 2]
+                if j == 0
+                else pose[i, 0] * taxels.along[t, j - 1, 0]
+                + pose[i, 1] * taxels.along[t, j - 1, 1]
+                + pose[i, 2] * taxels.along[t, j - 1, 2]
+            )  # fmt: skip
+            out.traction[t, j] += out.force[t, i] * turned / area
+    size = math.sqrt(size)
+    out.push[0] += size
+    for i in range(3):
+        out.push[1 + i] += size * out.point[t, i]
+    out.push[4] = max(out.push[4], out.compression[t])
+    return area * stored
+
+
 @kernel
-def press(solids, taxels, law, pose, centre, twist, out):
+def press(solids, taxels, friction, pose, centre, twist, out):
     """Fill `out` at a pose of the skin's body.
 
     Parameters
@@ -132,7 +213,8 @@ def press(solids, taxels, law, pose, centre, twist, out):
     solids : Solids
         What the skin meets.
     taxels : TaxelArrays
-    law : SkinLaw
+    friction : float
+        Coulomb's coefficient [-].
     pose : (3, 4) array
         Rotation and position of the skin's body.
     centre : (3,) array
@@ -144,8 +226,7 @@ def press(solids, taxels, law, pose, centre, twist, out):
     frames = solids.frames
     origin = np.empty(3)
     relative = np.empty((frames.shape[0], 3, 4))
-    x, d, normal, m = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    best_x, best_d, jacobian = np.empty(3), np.empty(3), np.empty(6)
+    normal, m, best_x, best_d = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
         origin[i] = pose[i, 3]
         for j in range(3):
@@ -162,62 +243,33 @@ def press(solids, taxels, law, pose, centre, twist, out):
     out.damped[:] = 0.0
     out.stiffness[:] = 0.0
     out.damping[:] = 0.0
-    energy = 0.0
-    for t in range(taxels.area.size):
-        depth, hit, face = 0.0, -1, 0
-        for g in range(frames.shape[0]):
-            for i in range(3):
-                x[i], d[i] = relative[g, i, 3], 0.0
-                for j in range(3):
-                    x[i] += relative[g, i, j] * taxels.point[t, j]
-                    d[i] += relative[g, i, j] * taxels.inwards[t, j]
-            s, by = exit_of(solids, g, x, d, law.thickness)
-            if s > depth and s < 2.0 * law.thickness:
-                depth, hit, face = s, g, by
-                for i in range(3):
-                    best_x[i], best_d[i] = x[i] + s * d[i], d[i]
-        out.compression[t] = depth
-        for i in range(3):
-            out.traction[t, i] = out.force[t, i] = 0.0
-        if hit < 0:
-            for i in range(3):
-                out.point[t, i] = pose[i, 3]
-                for j in range(3):
-                    out.point[t, i] += pose[i, j] * taxels.point[t, j]
+    out.push[:] = 0.0
+    energy, total = 0.0, taxels.area.size
+    for i in range(out.pressed[total]):
+        t = out.pressed[i]
+        out.compression[t] = 0.0
+        for k in range(3):
+            out.traction[t, k] = out.force[t, k] = 0.0
+    count = 0
+    for block in range(taxels.block.shape[0]):
+        if not _is_near(solids, relative, taxels, block):
             continue
-        sheet_at(solids, hit, face, best_x, normal)
-        rate = normal[0] * best_d[0] + normal[1] * best_d[1] + normal[2] * best_d[2]
-        rate = max(rate, _GRAZING)
-        for i in range(3):
-            m[i], out.point[t, i] = 0.0, frames[hit, i, 3]
-            for j in range(3):
-                m[i] += frames[hit, i, j] * normal[j] / rate
-                out.point[t, i] += frames[hit, i, j] * best_x[j]
-        area = taxels.area[t]
-        pressure, slope, stored = layer_pressure(law.modulus, law.thickness, depth)
-        energy += area * stored
-        rx = out.point[t, 0] - origin[0]
-        ry = out.point[t, 1] - origin[1]
-        rz = out.point[t, 2] - origin[2]
-        _add_spring(m, (rx, ry, rz), slope * area, jacobian, out.stiffness)
-        for i in range(6):
-            out.wrench[i] += pressure * area * jacobian[i]
-        for i in range(3):
-            out.force[t, i] = pressure * area * m[i]
-        if law.friction > 0.0:
-            push = law.friction * pressure * area
-            _add_friction(t, push, m, (rx, ry, rz), twist, out)
-        for i in range(3):
-            for j in range(3):
-                turned = (
-                    pose[i, 0] * taxels.inwards[t, 0] + pose[i, 1] * taxels.inwards[t, 1]
-                    + pose[i, 2] * taxels.inwards[t, 2]
-                    if j == 0
-                    else pose[i, 0] * taxels.along[t, j - 1, 0]
-                    + pose[i, 1] * taxels.along[t, j - 1, 1]
-                    + pose[i, 2] * taxels.along[t, j - 1, 2]
-                )  # fmt: skip
-                out.traction[t, j] += out.force[t, i] * turned / area
+        for t in range(block * BLOCK, min((block + 1) * BLOCK, total)):
+            depth, hit, face = _deepest(solids, relative, taxels, t, best_x, best_d)
+            if hit < 0:
+                continue
+            out.pressed[count], out.compression[t] = t, depth
+            count += 1
+            sheet_at(solids, hit, face, best_x, normal)
+            rate = normal[0] * best_d[0] + normal[1] * best_d[1] + normal[2] * best_d[2]
+            rate = max(rate, _GRAZING)
+            for i in range(3):
+                m[i], out.point[t, i] = 0.0, frames[hit, i, 3]
+                for j in range(3):
+                    m[i] += frames[hit, i, j] * normal[j] / rate
+                    out.point[t, i] += frames[hit, i, j] * best_x[j]
+            energy += _add_taxel(t, taxels, friction, pose, origin, m, twist, out)
+    out.pressed[total] = count
     for i in range(6):
         out.wrench[i] += out.damped[i]
         for j in range(i):

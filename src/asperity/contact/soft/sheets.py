@@ -45,6 +45,8 @@ class Solids(NamedTuple):
     """`REACH` records, (geoms,)."""
     frames: Array
     """Rotation and position in the world, (geoms, 3, 4)."""
+    bound: Array
+    """Radius of a ball round each geom's middle that holds its textured surface [m], (geoms,)."""
 
 
 @inner_kernel

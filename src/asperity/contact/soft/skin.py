@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
-from asperity.contact.soft.press import TaxelArrays, lay
+from asperity.contact.soft.press import BLOCK, TaxelArrays, lay
 from asperity.contact.soft.solids import smooth, solids_of
 from asperity.errors import AsperityError, require_between, require_finite, require_positive
 from asperity.geometry.bodies import Body, Geom
@@ -20,6 +20,8 @@ MOST_TAXELS = 1024
 """Along one side of the grid."""
 _STEEPEST = 0.2
 """Least cosine between `facing` and the surface of a taxel."""
+_THINNEST = 0.05
+"""Least thickness of the layer over a lump, over that of the layer."""
 
 
 def foundation_modulus(modulus: float, poisson: float, thickness: float) -> float:
@@ -80,11 +82,16 @@ class SoftSkin:
         Point of the body's frame over which the middle of the grid lies [m].
     friction : float
         Coulomb's coefficient [-], 0 to 100; see `SkinContact`.
+    lumps : sequence of (4,)
+        Rigid balls within the layer: middle in the body's frame and radius [m]. Where a taxel's ray
+        meets one the layer is that much thinner, and stiffer by as much. A lump is at least a
+        twentieth of the thickness below the surface.
 
     Raises
     ------
     AsperityError
-        A value is outside its range, the body is a mesh, or no cell of the grid sees the body.
+        A value is outside its range, the body is a mesh, no cell of the grid sees the body, or a
+        lump comes out of the skin or lies under none of it.
     """
 
     body: Body
@@ -96,6 +103,7 @@ class SoftSkin:
     size: Sequence[float] | None = None
     middle: Sequence[float] | None = None
     friction: float = 0.0
+    lumps: Sequence[Sequence[float]] = ()
 
     def __post_init__(self) -> None:
         require_between("thickness", self.thickness, 1e-6, 1.0, "m")
@@ -129,7 +137,7 @@ class SoftSkin:
 
     @property
     def stiffness_per_area(self) -> float:
-        """K, pressure over compression [Pa/m]; see `foundation_modulus`."""
+        """K, pressure over compression away from lumps [Pa/m]; see `foundation_modulus`."""
         return foundation_modulus(self.modulus, self.poisson, self.thickness)
 
     @cached_property
@@ -187,11 +195,44 @@ class SoftSkin:
         lay(solids, smooth(solids), np.ascontiguousarray(starts), facing, point, normal)
         cosine = normal @ self.axes[2]
         cells = np.flatnonzero(cosine >= _STEEPEST)
+        # Squares of taxels, one after the other: blocks of them are small.
+        side = math.isqrt(BLOCK)
+        row, column = np.divmod(cells, columns)
+        cells = cells[np.lexsort((column, row, column // side, row // side))]
         inwards = -normal[cells]
         one = self.axes[0] - inwards * (inwards @ self.axes[0])[:, None]
         one /= np.linalg.norm(one, axis=1)[:, None]
         along = np.stack([one, np.cross(one, inwards)], axis=1)
-        return TaxelArrays(point[cells].copy(), inwards.copy(), along, cell / cosine[cells]), cells
+        points = point[cells].copy()
+        thickness = self._thickness(points, inwards)
+        modulus = self.stiffness_per_area * self.thickness / thickness
+        return TaxelArrays(
+            points, inwards.copy(), along, cell / cosine[cells], thickness, modulus,
+            _blocks(points, thickness),
+        ), cells  # fmt: skip
+
+    def _thickness(self, points: Array, inwards: Array) -> Array:
+        """Return the thickness of the layer over lumps, along the rays of taxels [m], (n,)."""
+        out = np.full(len(points), float(self.thickness))
+        for number, lump in enumerate(self.lumps):
+            x, y, z, radius = require_finite(f"lump {number}", lump, 4)
+            require_positive(f"radius of lump {number}", radius, "m")
+            away = np.array([x, y, z]) - points
+            depth = np.einsum("ij,ij->i", away, inwards)
+            half = radius**2 - (np.einsum("ij,ij->i", away, away) - depth**2)
+            top = np.where(half > 0.0, depth - np.sqrt(np.maximum(half, 0.0)), np.inf)
+            if top.min(initial=np.inf) >= self.thickness:
+                raise AsperityError(
+                    f"lump {number} at {list(lump[:3])} m lies under no taxel of the skin, which "
+                    f"is {1e3 * self.thickness:g} mm thick; change its place or its radius"
+                )
+            out = np.minimum(out, top)
+        if out.min(initial=np.inf) < _THINNEST * self.thickness:
+            raise AsperityError(
+                f"a lump is {1e3 * out.min():.3g} mm below the surface of the skin; valid: "
+                f"{1e3 * _THINNEST * self.thickness:.3g} mm or more, a twentieth of its thickness"
+            )
+        return out
 
     def as_grid(self, values: Array, fill: float = 0.0) -> Array:
         """Return values of taxels (n, ...) as a grid (rows, columns, ...); `fill` where is none."""
@@ -199,6 +240,16 @@ class SoftSkin:
         out = np.full((rows * columns, *values.shape[1:]), fill)
         out[self.cells] = values
         return out.reshape(rows, columns, *values.shape[1:])
+
+
+def _blocks(points: Array, thickness: Array) -> Array:
+    """Return a ball round the rays of each `BLOCK` points (n, 3): middle, radius [m], (m, 4)."""
+    parts = np.split(points, range(BLOCK, len(points), BLOCK))
+    out = np.empty((len(parts), 4))
+    for row, part in zip(out, parts, strict=True):
+        row[:3] = 0.5 * (part.min(axis=0) + part.max(axis=0))
+        row[3] = np.linalg.norm(part - row[:3], axis=1).max() + thickness.max()
+    return out
 
 
 def _reach(geom: Geom) -> float:

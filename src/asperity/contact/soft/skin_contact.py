@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from asperity._core.arrays import Array
 from asperity._core.kernels import Repeated
 from asperity.contact.soft.layer import LINEAR
-from asperity.contact.soft.press import SkinLaw, SkinOutput, press
+from asperity.contact.soft.press import SkinOutput, press
 from asperity.contact.soft.skin import SoftSkin
-from asperity.contact.soft.solids import solids_of
+from asperity.contact.soft.solids import fill_frames, solids_of
 from asperity.errors import AsperityError, require_finite
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import require_pose, rotation_of
@@ -21,7 +21,7 @@ _IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 class SkinContact:
-    """A soft skin among bodies that do not move.
+    """A soft skin among other bodies.
 
     The energy is `U = sum a w(delta)` over the taxels, with a the area, delta how far the other
     body's textured surface is inside the skin along a taxel's ray, and w the energy of the layer
@@ -74,19 +74,24 @@ class SkinContact:
             raise AsperityError(f"there are {len(bodies)} bodies, but {len(placed)} poses")
         self.centre = np.array(require_finite("centre", centre, 3))
         self._solids = solids_of(bodies, placed)
-        self._law = SkinLaw(
-            float(skin.stiffness_per_area), float(skin.thickness), float(skin.friction)
-        )
+        self._friction = float(skin.friction)
         n = len(skin.arrays.area)
         self.out = SkinOutput(
-            np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(6),
-            np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), np.zeros(1),
+            np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
+            np.zeros(n + 1, np.int64), np.zeros(5), np.zeros(6), np.zeros((6, 6)),
+            np.zeros((6, 6)), np.zeros(6), np.zeros(1),
         )  # fmt: skip
         """The last pose, a row a taxel."""
         self._pose, self._twist = np.zeros((3, 4)), np.zeros(6)
         self._press = Repeated(press)
 
-    def wrench(self, pose: ArrayLike, twist: ArrayLike | None = None) -> Array:
+    def place(self, poses: Sequence[ArrayLike]) -> None:
+        """Put the other bodies at other poses (7,), one for each."""
+        fill_frames(self._solids, [require_pose(pose, "pose") for pose in poses])
+
+    def wrench(
+        self, pose: ArrayLike, twist: ArrayLike | None = None, *, about: ArrayLike | None = None
+    ) -> Array:
         """Return the wrench on the skin's body at a pose.
 
         Parameters
@@ -96,6 +101,8 @@ class SkinContact:
         twist : (6,), optional
             Velocity of the centre [m/s] and angular velocity [rad/s], world axes, for friction. By
             default it is at rest.
+        about : (3,), optional
+            Another centre from this pose on, in the frame of the skin's body [m].
 
         Returns
         -------
@@ -111,8 +118,10 @@ class SkinContact:
         self._twist[:] = 0.0 if twist is None else require_finite("twist", twist, 6)
         self._pose[:, :3] = rotation_of(place[3:])
         self._pose[:, 3] = place[:3]
+        if about is not None:
+            self.centre[:] = require_finite("about", about, 3)
         self._press(
-            self._solids, self.skin.arrays, self._law, self._pose, self.centre, self._twist,
+            self._solids, self.skin.arrays, self._friction, self._pose, self.centre, self._twist,
             self.out,
         )  # fmt: skip
         return self.out.wrench.copy()
@@ -156,8 +165,13 @@ class SkinContact:
 
     @property
     def points(self) -> Array:
-        """Where each taxel's force acts [m], world axes, (rows, columns, 3); nan without taxel."""
-        return self.skin.as_grid(self.out.point, np.nan)
+        """Where each taxel's force acts [m], world axes, (rows, columns, 3); nan without taxel.
+
+        Of taxels without contact: where they lie.
+        """
+        at_rest = self.skin.arrays.point @ self._pose[:, :3].T + self._pose[:, 3]
+        is_pressed = (self.out.compression > 0.0)[:, None]
+        return self.skin.as_grid(np.where(is_pressed, self.out.point, at_rest), np.nan)
 
     @property
     def contact_area(self) -> float:
@@ -167,4 +181,4 @@ class SkinContact:
     @property
     def stiffened(self) -> int:
         """Number of taxels pressed beyond half of the thickness, where the layer stiffens."""
-        return int(np.count_nonzero(self.out.compression > LINEAR * self.skin.thickness))
+        return int(np.count_nonzero(self.out.compression > LINEAR * self.skin.arrays.thickness))

@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
 from asperity.contact.body_arrays import Geometry, flatten_bodies
-from asperity.contact.soft.sheets import BOX, PLANE, REACH, Solids
+from asperity.contact.soft.sheets import (
+    BOX,
+    CAPSULE,
+    CYLINDER,
+    ELLIPSOID,
+    PLANE,
+    REACH,
+    SPHERE,
+    Solids,
+)
 from asperity.geometry.bodies import MAPPINGS, Body
 from asperity.geometry.poses import rotation_of
 from asperity.texture.packed import PackedTextures
@@ -18,7 +27,10 @@ from asperity.texture.packed import PackedTextures
 def solids_of(bodies: Sequence[Body], poses: Sequence[Array]) -> Solids:
     """Return the geoms and textures of bodies at their poses (7,)."""
     textures, geometry = flatten_bodies(bodies)
-    return Solids(textures, geometry, _reach(textures, geometry), _frames(geometry, poses))
+    reach, frames = _reach(textures, geometry), np.empty((len(geometry.kind), 3, 4))
+    solids = Solids(textures, geometry, reach, frames, _bound(geometry, reach))
+    fill_frames(solids, poses)
+    return solids
 
 
 def smooth(solids: Solids) -> Solids:
@@ -49,11 +61,23 @@ def _reach(textures: PackedTextures, geometry: Geometry) -> NDArray[np.void]:
     return out
 
 
-def _frames(geometry: Geometry, poses: Sequence[Array]) -> Array:
-    """Return the frames of geoms in the world, (geoms, 3, 4)."""
-    out = np.empty((len(geometry.kind), 3, 4))
+def _bound(geometry: Geometry, reach: NDArray[np.void]) -> Array:
+    """Return the radius of a ball round each geom's middle [m]; infinite for planes."""
+    size = geometry.size
+    inside = {
+        SPHERE: size[:, 0], CAPSULE: size[:, 0] + size[:, 1], ELLIPSOID: size.max(axis=1),
+        CYLINDER: np.hypot(size[:, 0], size[:, 1]), BOX: np.linalg.norm(size, axis=1),
+    }  # fmt: skip
+    out = np.full(len(geometry.kind), np.inf)
+    for kind, radius in inside.items():
+        out[geometry.kind == kind] = radius[geometry.kind == kind]
+    # The faces of a box go on until they meet: its corners are raised along three of them.
+    return out + np.sqrt(3.0) * reach["highest"]
+
+
+def fill_frames(solids: Solids, poses: Sequence[Array]) -> None:
+    """Put the geoms of bodies where these are at poses (7,), one for each body."""
+    geometry, turns = solids.geometry, [rotation_of(pose[3:]) for pose in poses]
     for g, body in enumerate(geometry.body):
-        turn = rotation_of(poses[body][3:])
-        out[g, :, :3] = turn @ geometry.rotation[g]
-        out[g, :, 3] = turn @ geometry.position[g] + poses[body][:3]
-    return out
+        solids.frames[g, :, :3] = turns[body] @ geometry.rotation[g]
+        solids.frames[g, :, 3] = turns[body] @ geometry.position[g] + poses[body][:3]

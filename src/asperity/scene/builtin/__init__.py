@@ -10,6 +10,8 @@ from asperity.scene.builtin.file_cad import file_cad
 from asperity.scene.builtin.finger_plate import finger_plate
 from asperity.scene.builtin.hammer_blocks import hammer_blocks
 from asperity.scene.builtin.probe_plate import probe_plate
+from asperity.scene.builtin.soft_bodies import palpation, sponge
+from asperity.scene.builtin.tactile_map import tactile_map
 from asperity.scene.scene import Scene, read_scene
 from asperity.scene.texture import with_seed
 
@@ -20,6 +22,9 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "hammer-blocks": hammer_blocks,
     "file-cad": file_cad,
     "finger-plate": finger_plate,
+    "tactile-map": tactile_map,
+    "sponge": sponge,
+    "palpation": palpation,
 }
 """Constructors of the built-in scenes, by name."""
 PROBE_PLATES = tuple(name for name in SCENES if name.startswith("probe-plate"))
@@ -58,5 +63,5 @@ def load_scene(name_or_path: str | Path, *, seed: int | None = None) -> Scene:
 
 __all__ = [
     "PROBE_PLATES", "SCENES", "file_cad", "finger_plate", "hammer_blocks", "load_scene",
-    "probe_plate",
+    "palpation", "probe_plate", "sponge", "tactile_map",
 ]  # fmt: skip

@@ -34,36 +34,42 @@ DOTS: dict[str, Any] = {
     "seed": 0,
 }  # fmt: skip
 """Raised dots of the plate."""
-_NOTE = """The tool's frame is the middle of the pad. Its soft skin, textures, force and the
-       default motion are in scene.toml."""
-_BODIES = """    <body name="plate" pos="0 0 -0.004">
-      <geom name="slab" type="box" size="0.05 0.02 0.004" rgba="0.80 0.74 0.63 1"/>
-    </body>
-    <body name="finger" pos="-0.02 0 0.0075">
+FINGER = """    <body name="finger" pos="-0.02 0 {height:.9g}">
       <freejoint name="hand"/>
       <geom name="pad" type="ellipsoid" size="0.010 0.008 0.007" mass="0.006"
             rgba="0.86 0.68 0.58 1"/>
       <geom name="phalanx" type="capsule" fromto="-0.004 0 0.002 -0.034 0 0.014" size="0.0065"
             mass="0.014" rgba="0.86 0.68 0.58 1"/>
     </body>"""
+"""The body; `height` is that of the middle of the pad, which is 7 mm above its lowest point [m]."""
+NOTE = """The tool's frame is the middle of the pad. Its soft skin, textures, force and the
+       default motion are in scene.toml."""
+_PLATE = """    <body name="plate" pos="0 0 -0.004">
+      <geom name="slab" type="box" size="0.05 0.02 0.004" rgba="0.80 0.74 0.63 1"/>
+    </body>
+"""
 
 
 def finger_plate() -> Scene:
     """Return the scene of a soft fingertip on a plate with raised dots."""
     xml = MODEL.format(
-        name="finger-plate", note=_NOTE, compiler="", extent=0.08, centre="0 0 0.01",
-        light="0.1 -0.2 0.4", assets="", bodies=_BODIES,
+        name="finger-plate", note=NOTE, compiler="", extent=0.08, centre="0 0 0.01",
+        light="0.1 -0.2 0.4", assets="", bodies=_PLATE + FINGER.format(height=0.0075),
     )  # fmt: skip
-    document = {
+    return scene_of(xml, with_finger({"texture": dict(DOTS)}), name="finger-plate")
+
+
+def with_finger(plate: dict[str, Any], **motion: Any) -> dict[str, Any]:
+    """Return the document of a scene of the finger on a body `plate`.
+
+    It slides over it to and fro; `motion` changes keys of the trajectory.
+    """
+    return {
         "schema": 1,
         "tool": {"body": "finger", "skin": dict(SKIN)},
-        "bodies": {
-            "plate": {"texture": dict(DOTS)},
-            "finger": {"texture": dict(RIDGES)},
-        },
+        "bodies": {"plate": plate, "finger": {"texture": dict(RIDGES)}},
         "coupling": {"mode": "implicit"},
         "trajectory": {
             "kind": "slide", "seconds": 1.0, "speed": 0.04, "length": 0.02, "press_force": 0.6,
-        },
+        } | motion,
     }  # fmt: skip
-    return scene_of(xml, document, name="finger-plate")

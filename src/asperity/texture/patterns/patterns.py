@@ -31,6 +31,7 @@ from asperity.texture.patterns.fillets import (
     tile,
 )
 from asperity.texture.patterns.machined import brushed, cross_cut, jittered_dots, knurl
+from asperity.texture.patterns.raised import tactile_map
 from asperity.texture.patterns.random_surfaces import self_affine
 
 
@@ -237,6 +238,7 @@ _PATTERNS: tuple[tuple[Callable[..., HeightField], dict[str, Any]], ...] = (
     (jittered_dots, {"pitch": 2e-3, "height": 4e-4, "diameter": 8e-4}),
     (cross_cut, {"pitch": 1e-3, "height": 2e-4}),
     (knurl, {"pitch": 1.5e-3, "height": 3e-4}),
+    (tactile_map, {"height": 5e-4}),
     (
         brushed,
         {"size": 0.0128, "pixel_size": 5e-5, "rms": 4e-6, "length": 2e-3, "width": 3.2e-4},
