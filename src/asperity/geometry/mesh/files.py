@@ -1,4 +1,4 @@
-"""Meshes from files: OBJ, GLB, glTF, PLY, STL and USD.
+"""Meshes from files: OBJ, GLB, glTF, PLY, STL, 3MF and USD.
 
 Vertices are neither merged nor reordered, so texture coordinates stay with their corners; normals
 are those of the file; parts of a scene are placed by their transforms. What a file states of itself
@@ -26,11 +26,12 @@ from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.mesh.obj import read_obj
 from asperity.geometry.mesh.ply import read_ply
 from asperity.geometry.mesh.stl import read_stl
+from asperity.geometry.mesh.threemf import read_3mf
 from asperity.geometry.mesh.usd import USD_SUFFIXES, read_usd, usd_layers
 
 _READERS = {
     ".obj": read_obj, ".glb": read_gltf, ".gltf": read_gltf, ".ply": read_ply, ".stl": read_stl,
-    **dict.fromkeys(USD_SUFFIXES, read_usd),
+    ".3mf": read_3mf, **dict.fromkeys(USD_SUFFIXES, read_usd),
 }  # fmt: skip
 SUFFIXES = tuple(_READERS)
 
@@ -42,7 +43,7 @@ def read_mesh(
     hard_angle: float | None = None,
     name: str | None = None,
 ) -> Mesh:
-    """Return the mesh in a file: OBJ, GLB, glTF, PLY, STL, or USD (`asperity[usd]`).
+    """Return the mesh in a file: OBJ, GLB, glTF, PLY, STL, 3MF, or USD (`asperity[usd]`).
 
     All geometries of a scene are joined, placed by their transforms; polygons are split into fans
     of triangles. Texture coordinates are used if every geometry has them. Normals (OBJ vn, glTF
