@@ -3,13 +3,14 @@
 import base64
 import json
 import struct
+import sys
 
 import numpy as np
 import pytest
 
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.files import read_contents, read_mesh
-from asperity.geometry.mesh.materials import maps_by_name
+from asperity.geometry.mesh.map_names import maps_by_name, maps_in_folder
 
 FACES = np.array([
     (0, 1, 2), (0, 2, 3), (4, 6, 5), (4, 7, 6), (0, 4, 5), (0, 5, 1),
@@ -270,6 +271,55 @@ def test_pictures_are_known_by_their_names(tmp_path):
         folder.mkdir(parents=True)
         (folder / name).write_bytes(b"x")
         assert list(maps_by_name(folder.iterdir())) == [kind]
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        ("Rock_2K_Displacement.jpg Rock_4K_Displacement.jpg Rock_16K_Displacement.jpg",
+         {"displacement": "Rock_4K_Displacement.jpg"}),
+        ("Rocks_DISP16_4K.tif Rocks_DISP_4K.jpg Rocks_NRM16_4K.tif Rocks_COL_VAR1_4K.jpg",
+         {"displacement": "Rocks_DISP16_4K.tif", "normal": "Rocks_NRM16_4K.tif",
+          "colour": "Rocks_COL_VAR1_4K.jpg"}),
+        ("wood_Normal_DirectX.png wood_Normal_OpenGL.png", {"normal": "wood_Normal_OpenGL.png"}),
+        ("T_Wood_N.tga T_Wood_ORM.tga T_Wood_D.tga",
+         {"normal": "T_Wood_N.tga", "colour": "T_Wood_D.tga"}),
+        ("._a_Height.png a_Height.png", {"displacement": "a_Height.png"}),  # macOS, foreign disks
+        ("speed_bump_ao_4k.png normal_AmbientOcclusion.png normal_MetallicSmoothness.png", {}),
+        ("brickheight.png bricknormal.png",
+         {"displacement": "brickheight.png", "normal": "bricknormal.png"}),
+        ("a_Height.png b_NormalGL.png a_NormalGL_1K.png b_Color.png",
+         {"displacement": "a_Height.png", "normal": "a_NormalGL_1K.png", "colour": "b_Color.png"}),
+        ("a_disp.exr a_disp.jpg", {"displacement": "a_disp.jpg"}),  # OpenEXR is not installed
+        ("brick_N.png brick_H.png", {}),
+    ],
+)  # fmt: skip
+def test_of_several_pictures_the_best_is_taken(tmp_path, monkeypatch, names, expected):
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    for name in names.split():
+        (tmp_path / name).write_bytes(b"x")
+    found = maps_by_name(tmp_path.iterdir())
+    assert {kind: picture.name for kind, picture in found.items()} == expected
+
+
+def test_folders_as_libraries_pack_them(tmp_path):
+    for name in ("wall_4k.blend", "textures/wall_disp_4k.png", "textures/wall_disp_1k.png",
+                 "textures/wall_nor_gl_4k.png", "__MACOSX/._wall_disp_4k.png"):  # fmt: skip
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"x")
+    notes = []
+    maps = maps_in_folder(tmp_path, notes)
+    assert maps["displacement"].name == "wall_disp_4k.png"
+    assert maps["normal"].name == "wall_nor_gl_4k.png"
+    assert notes == ["of its 2 displacement maps wall_disp_4k.png is used, not wall_disp_1k.png"]
+    (tmp_path / "textures" / "wood_disp_4k.png").write_bytes(b"x")
+    with pytest.raises(AsperityError, match=r"maps of 2 materials \(wall, wood\); valid: a folder"):
+        maps_in_folder(tmp_path, notes)
+    short = tmp_path / "short"
+    short.mkdir()
+    for name in ("brick_N.png", "brick_H.png"):
+        (short / name).write_bytes(b"x")
+    assert sorted(maps_in_folder(short, notes)) == ["displacement", "normal"]
 
 
 # glTF

@@ -1,4 +1,4 @@
-"""Materials of mesh files, and pictures that belong together by their file names.
+"""Materials of mesh files, and the pictures that they name.
 
 What a texture renderer shows as bumps can be felt: *displacement* is a map of heights, *normal* one
 of normals, *bump* heights without a scale. *colour* and *roughness* are only seen.
@@ -6,8 +6,7 @@ of normals, *bump* heights without a scale. *colour* and *roughness* are only se
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -178,56 +177,3 @@ def _beside(library: Path, name: str) -> Path:
         if path.is_file():
             return path
     return library.parent / named.name
-
-
-_BY_NAME = {
-    "displacement": ("displacement", "disp", "displace", "height", "heightmap", "depth", "dsp"),
-    "normal": ("normal", "normals", "normalgl", "normaldx", "nrm", "nor", "norm", "normalmap"),
-    "bump": ("bump", "bumpmap"),
-    "colour": ("color", "colour", "basecolor", "basecolour", "albedo", "diffuse", "diff", "col"),
-    "roughness": ("roughness", "rough", "rgh"),
-}
-"""Words in names of files that stand for kinds of maps (ambientCG, Poly Haven, Substance, ...)."""
-_UNREAL = {"n": "normal", "h": "displacement", "d": "colour", "bc": "colour", "r": "roughness"}
-"""Last letters of names that begin with T_, as Unreal's pictures do."""
-_SUFFIXES = (".tif", ".tiff", ".png", ".exr", ".jpg", ".jpeg")
-"""Of pictures, those that keep more of the heights first."""
-
-
-def maps_by_name(files: Iterable[Path], stem: str | None = None) -> dict[str, MapImage]:
-    """Return the pictures among files whose names say what they are, by kind.
-
-    Parameters
-    ----------
-    files : iterable of Path
-    stem : str, optional
-        How names have to begin, in any case: those of pictures that belong to a mesh of this name.
-    """
-    found: dict[str, list[Path]] = {}
-    for path in sorted(files):
-        if path.suffix.lower() not in _SUFFIXES or not path.is_file():
-            continue
-        begins = path.stem.lower().removeprefix("t_")
-        if stem is not None and not begins.startswith(stem.lower().removeprefix("t_")):
-            continue
-        kind = _kind_of(path.stem)
-        if kind is not None:
-            found.setdefault(kind, []).append(path)
-    out = {}
-    for kind, paths in found.items():
-        # Green up is what OpenGL and most programs write.
-        order = [("dx" in p.stem.lower(), _SUFFIXES.index(p.suffix.lower()), p) for p in paths]
-        out[kind] = MapImage(min(order)[2], min(order)[2].name)
-    return out
-
-
-def _kind_of(stem: str) -> str | None:
-    """Return the kind of map that the last telling word in a name stands for."""
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", stem)
-    words = [*re.split(r"[\W_]+", spaced.lower()), *re.split(r"[\W_]+", stem.lower())]
-    if stem[:2] in ("T_", "t_") and words[-1] in _UNREAL:
-        return _UNREAL[words[-1]]
-    return next(
-        (kind for word in reversed(words) for kind, names in _BY_NAME.items() if word in names),
-        None,
-    )

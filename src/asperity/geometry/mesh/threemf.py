@@ -20,7 +20,7 @@ from asperity.geometry.mesh.checks import Corners
 from asperity.geometry.mesh.contents import Contents, FilePart
 from asperity.geometry.mesh.gltf import placed
 from asperity.geometry.mesh.materials import MapImage, Material
-from asperity.geometry.mesh.threemf_model import PropertyGroup, Look, ModelPart, ObjectPlace
+from asperity.geometry.mesh.threemf_model import Look, ModelPart, ObjectPlace, PropertyGroup
 
 _UNITS = {
     "micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "foot": "ft",
