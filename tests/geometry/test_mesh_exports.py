@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from asperity.errors import AsperityError
-from asperity.geometry.mesh.files import read_contents, read_mesh
+from asperity.geometry.mesh.files import companions, read_contents, read_mesh
 from asperity.geometry.mesh.map_names import maps_by_name, maps_in_folder
 
 FACES = np.array([
@@ -251,6 +251,41 @@ def test_obj_of_polygons_in_mixed_forms_and_other_habits(tmp_path):
         read_mesh(tmp_path / "b.obj")
 
 
+@pytest.mark.parametrize(
+    ("library", "material", "line"),
+    [
+        ("A.MTL", "m", "bump BUMP.PNG"),
+        ("C:\\work\\a.mtl", "m", "bump D:\\work\\Maps\\my bump.png"),
+        ("a.mtl # by a program", "m # the first", "bump bump.png # grey"),
+        ('"a.mtl"', "m", 'map_Bump "maps/my bump.png" -bm 0.5'),
+        ("a.mtl", "m", "bump maps\\my bump.png -s 2 2 1 -bm 0.5"),
+    ],
+)
+def test_an_obj_from_another_computer_finds_its_files(tmp_path, library, material, line):
+    (tmp_path / "maps").mkdir()
+    for name in ("bump.png", "maps/my bump.png"):
+        (tmp_path / name).write_bytes(b"x")
+    (tmp_path / "a.mtl").write_text(f"newmtl m\n{line}\n")
+    corners = [f"v {x:g} {y:g} {z:g} \\ " for x, y, z in CORNERS]
+    rows = [f"mtllib {library}", *corners, "vt 0 0", "vt 1 0", "vt 1 1", f"usemtl {material}"]
+    rows += ["f " + " \\ \n".join(f"{i + 1}/{i % 3 + 1}" for i in face) for face in FACES]
+    (tmp_path / "a.obj").write_text("\n".join(rows).replace(" \\ \nv", "\nv") + "\n")
+    mesh = read_mesh(tmp_path / "a.obj")
+    assert len(mesh.faces) == 12
+    picture = mesh.materials[0].maps["bump"]
+    assert picture.is_there
+    assert picture.name.lower() in ("bump.png", "my bump.png")
+    assert (mesh.uv.max() == pytest.approx(2)) == ("-s 2" in line)
+    assert companions(tmp_path / "a.obj") == [tmp_path / "a.mtl"]
+
+
+def test_materials_that_a_library_does_not_have_are_noted(tmp_path):
+    (tmp_path / "a.mtl").write_text("newmtl steel\n")
+    rows = ["mtllib a.mtl", "v 0 0 0", "v 0.1 0 0", "v 0 0.1 0", "usemtl Steel", "f 1 2 3"]
+    (tmp_path / "a.obj").write_text("\n".join(rows))
+    assert noted(read_mesh(tmp_path / "a.obj"), "that its library does not have: Steel")
+
+
 def test_pictures_are_known_by_their_names(tmp_path):
     names = {
         "Bricks_2K_Displacement.png": "displacement", "Bricks_2K_NormalGL.png": "normal",
@@ -481,6 +516,28 @@ def test_a_gltf_names_its_files_encoded_or_not(tmp_path):
     (tmp_path / "a.gltf").write_text(json.dumps(tree))
     with pytest.raises(AsperityError, match=r"its file lost.bin is not there"):
         read_contents(tmp_path / "a.gltf")
+    tree["buffers"][0]["uri"] = "Bin\\C D.BIN"  # written on Windows
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "c d.bin").write_bytes(data)
+    (tmp_path / "a.gltf").write_text(json.dumps(tree))
+    is_box(read_mesh(tmp_path / "a.gltf"))
+
+
+def test_what_is_invisible_or_stored_twice(read):
+    hidden = {"extensions": {"KHR_node_visibility": {"visible": False}}}
+    (tree := gltf())["nodes"].append({"mesh": 0, "translation": [1, 0, 0], **hidden})
+    tree.pop("scenes", None)
+    mesh = read(tree)
+    is_box(mesh)
+    assert noted(mesh, "what is invisible is left out")
+    (tree := gltf())["nodes"][0]["weights"] = [0.5]
+    assert noted(read(tree), "its morph targets are left out")
+    compressed = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {}}}
+    (tree := gltf())["meshes"][0]["primitives"][0]["extensions"] = compressed
+    is_box(read(tree))  # not required: it stands there uncompressed too
+    del tree["accessors"][0]["bufferView"]
+    with pytest.raises(AsperityError, match=r"compressed \(KHR_draco_mesh_compression\)"):
+        read(tree)
 
 
 # Polygons

@@ -137,7 +137,14 @@ def texture_of(maps: Mapping[str, MapImage], notes: list[str]) -> dict[str, Any]
     for lost in FELT:
         if lost in maps and not maps[lost].is_there:
             notes.append(f"its {lost} map {maps[lost].name} is not there")
-    kind = next((k for k in FELT if k in maps and maps[k].is_there), None)
+        elif lost in maps and Path(maps[lost].name).suffix.lower() not in IMAGE_SUFFIXES:
+            notes.append(
+                f"its {lost} map {maps[lost].name} is not used: of a kind that is not read; "
+                f"valid: {', '.join(IMAGE_SUFFIXES)}"
+            )
+    usable = [k for k in FELT if k in maps and maps[k].is_there]
+    usable = [k for k in usable if Path(maps[k].name).suffix.lower() in IMAGE_SUFFIXES]
+    kind = usable[0] if usable else None
     if kind is None:
         return None
     picture = maps[kind]

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
-from asperity._core.files import reading, text_of
+from asperity._core.files import beside, reading, text_of
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import UNITS, Corners, check_size, count_of, extents_of
 from asperity.geometry.mesh.contents import Contents, FilePart, coarse_note
@@ -23,7 +23,7 @@ from asperity.geometry.mesh.gltf import read_gltf
 from asperity.geometry.mesh.gltf_file import GltfFile
 from asperity.geometry.mesh.materials import Material
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
-from asperity.geometry.mesh.obj import read_obj
+from asperity.geometry.mesh.obj import library_names, read_obj
 from asperity.geometry.mesh.ply import read_ply
 from asperity.geometry.mesh.stl import read_stl
 from asperity.geometry.mesh.threemf import read_3mf
@@ -139,7 +139,8 @@ def companions(path: Path) -> list[Path]:
         elif suffix == ".obj":
             text = text_of(path.read_bytes())
             lines = re.findall(r"^\s*mtllib\s+(.+?)\s*$", text, flags=re.MULTILINE)
-            named = [path.parent / name for line in lines for name in (line, *line.split())]
+            names = [name for line in lines for name in library_names(path.parent, line)]
+            named = [beside(path.parent, name) for name in names]
     except (AsperityError, OSError):
         return []
     below = [file for file in named if file.is_file() and ".." not in file.parts]

@@ -1,4 +1,4 @@
-"""Pictures that belong together by their file names: the maps of a material, as libraries sell them.
+"""Pictures that belong together by their file names: the maps of a material.
 
 The words are those of ambientCG, Poly Haven, Quixel, Poliigon, Substance, Unity, Unreal and others.
 """

@@ -6,12 +6,13 @@ of normals, *bump* heights without a scale. *colour* and *roughness* are only se
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from asperity._core.files import text_of
+from asperity._core.files import beside, text_of
 from asperity._core.text_table import is_number
 from asperity.errors import require_between
 
@@ -101,14 +102,16 @@ class Material:
 
 _MTL = {
     "disp": "displacement", "map_disp": "displacement", "norm": "normal", "map_kn": "normal",
-    "map_norm": "normal", "map_bump": "bump", "bump": "bump", "map_kd": "colour",
-    "map_pr": "roughness",
+    "map_norm": "normal", "map_normal": "normal", "map_bump": "bump", "bump": "bump",
+    "map_kd": "colour", "map_pr": "roughness",
 }  # fmt: skip
 """Keywords of MTL files in lower case, and the kinds of maps that they name."""
 _NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1}
 """Options of maps that numbers follow, and how many at most."""
 _WORDS = ("-blendu", "-blendv", "-cc", "-clamp", "-imfchan", "-type")
 """Options of maps that one word follows."""
+_BEHIND = re.compile(rf"\s(?:(?:{'|'.join((*_NUMBERS, *_WORDS))})\s|#).*$", re.IGNORECASE)
+"""Options, which some programs write behind the name, and comments."""
 
 
 def read_mtl(path: Path, notes: list[str]) -> list[Material]:
@@ -156,7 +159,13 @@ def _with_map(material: Material, kind: str, rest: str, library: Path) -> Materi
     for _ in range(at):
         name = name.split(None, 1)[1]
     name = name.strip().strip('"')
-    picture = MapImage(_beside(library, name), Path(name.replace("\\", "/")).name)
+    path = beside(library.parent, name)
+    behind = _BEHIND.search(name)
+    if behind is not None and not path.is_file():  # options and comments behind it
+        options = behind.group().strip()
+        before = f"{options} " if options.startswith("-") else ""
+        return _with_map(material, kind, before + name[: behind.start()], library)
+    picture = MapImage(path, Path(name.replace("\\", "/")).name)
     if kind == "displacement" and len(given.get("-mm", [])) == 2:
         low, gain = given["-mm"]
         picture = picture._replace(height_range=gain, low=low)
@@ -168,12 +177,3 @@ def _with_map(material: Material, kind: str, rest: str, library: Path) -> Materi
         offset = tuple((*given.get("-o", []), 0.0, 0.0)[:2])
         placing = Placing(scale, offset)  # type: ignore[arg-type]
     return _changed(material, maps={**material.maps, kind: picture}, placing=placing)
-
-
-def _beside(library: Path, name: str) -> Path:
-    """Return the path of a picture that a library names, possibly as on another computer."""
-    named = Path(name.replace("\\", "/"))
-    for path in (library.parent / named, library.parent / named.name):
-        if path.is_file():
-            return path
-    return library.parent / named.name
