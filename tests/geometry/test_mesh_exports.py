@@ -3,13 +3,14 @@
 import base64
 import json
 import struct
+import sys
 
 import numpy as np
 import pytest
 
 from asperity.errors import AsperityError
-from asperity.geometry.mesh.files import read_contents, read_mesh
-from asperity.geometry.mesh.materials import maps_by_name
+from asperity.geometry.mesh.files import companions, read_contents, read_mesh
+from asperity.geometry.mesh.map_names import maps_by_name, maps_in_folder
 
 FACES = np.array([
     (0, 1, 2), (0, 2, 3), (4, 6, 5), (4, 7, 6), (0, 4, 5), (0, 5, 1),
@@ -250,6 +251,41 @@ def test_obj_of_polygons_in_mixed_forms_and_other_habits(tmp_path):
         read_mesh(tmp_path / "b.obj")
 
 
+@pytest.mark.parametrize(
+    ("library", "material", "line"),
+    [
+        ("A.MTL", "m", "bump BUMP.PNG"),
+        ("C:\\work\\a.mtl", "m", "bump D:\\work\\Maps\\my bump.png"),
+        ("a.mtl # by a program", "m # the first", "bump bump.png # grey"),
+        ('"a.mtl"', "m", 'map_Bump "maps/my bump.png" -bm 0.5'),
+        ("a.mtl", "m", "bump maps\\my bump.png -s 2 2 1 -bm 0.5"),
+    ],
+)
+def test_an_obj_from_another_computer_finds_its_files(tmp_path, library, material, line):
+    (tmp_path / "maps").mkdir()
+    for name in ("bump.png", "maps/my bump.png"):
+        (tmp_path / name).write_bytes(b"x")
+    (tmp_path / "a.mtl").write_text(f"newmtl m\n{line}\n")
+    corners = [f"v {x:g} {y:g} {z:g} \\ " for x, y, z in CORNERS]
+    rows = [f"mtllib {library}", *corners, "vt 0 0", "vt 1 0", "vt 1 1", f"usemtl {material}"]
+    rows += ["f " + " \\ \n".join(f"{i + 1}/{i % 3 + 1}" for i in face) for face in FACES]
+    (tmp_path / "a.obj").write_text("\n".join(rows).replace(" \\ \nv", "\nv") + "\n")
+    mesh = read_mesh(tmp_path / "a.obj")
+    assert len(mesh.faces) == 12
+    picture = mesh.materials[0].maps["bump"]
+    assert picture.is_there
+    assert picture.name.lower() in ("bump.png", "my bump.png")
+    assert (mesh.uv.max() == pytest.approx(2)) == ("-s 2" in line)
+    assert companions(tmp_path / "a.obj") == [tmp_path / "a.mtl"]
+
+
+def test_materials_that_a_library_does_not_have_are_noted(tmp_path):
+    (tmp_path / "a.mtl").write_text("newmtl steel\n")
+    rows = ["mtllib a.mtl", "v 0 0 0", "v 0.1 0 0", "v 0 0.1 0", "usemtl Steel", "f 1 2 3"]
+    (tmp_path / "a.obj").write_text("\n".join(rows))
+    assert noted(read_mesh(tmp_path / "a.obj"), "that its library does not have: Steel")
+
+
 def test_pictures_are_known_by_their_names(tmp_path):
     names = {
         "Bricks_2K_Displacement.png": "displacement", "Bricks_2K_NormalGL.png": "normal",
@@ -270,6 +306,55 @@ def test_pictures_are_known_by_their_names(tmp_path):
         folder.mkdir(parents=True)
         (folder / name).write_bytes(b"x")
         assert list(maps_by_name(folder.iterdir())) == [kind]
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        ("Rock_2K_Displacement.jpg Rock_4K_Displacement.jpg Rock_16K_Displacement.jpg",
+         {"displacement": "Rock_4K_Displacement.jpg"}),
+        ("Rocks_DISP16_4K.tif Rocks_DISP_4K.jpg Rocks_NRM16_4K.tif Rocks_COL_VAR1_4K.jpg",
+         {"displacement": "Rocks_DISP16_4K.tif", "normal": "Rocks_NRM16_4K.tif",
+          "colour": "Rocks_COL_VAR1_4K.jpg"}),
+        ("wood_Normal_DirectX.png wood_Normal_OpenGL.png", {"normal": "wood_Normal_OpenGL.png"}),
+        ("T_Wood_N.tga T_Wood_ORM.tga T_Wood_D.tga",
+         {"normal": "T_Wood_N.tga", "colour": "T_Wood_D.tga"}),
+        ("._a_Height.png a_Height.png", {"displacement": "a_Height.png"}),  # macOS, foreign disks
+        ("speed_bump_ao_4k.png normal_AmbientOcclusion.png normal_MetallicSmoothness.png", {}),
+        ("brickheight.png bricknormal.png",
+         {"displacement": "brickheight.png", "normal": "bricknormal.png"}),
+        ("a_Height.png b_NormalGL.png a_NormalGL_1K.png b_Color.png",
+         {"displacement": "a_Height.png", "normal": "a_NormalGL_1K.png", "colour": "b_Color.png"}),
+        ("a_disp.exr a_disp.jpg", {"displacement": "a_disp.jpg"}),  # OpenEXR is not installed
+        ("brick_N.png brick_H.png", {}),
+    ],
+)  # fmt: skip
+def test_of_several_pictures_the_best_is_taken(tmp_path, monkeypatch, names, expected):
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    for name in names.split():
+        (tmp_path / name).write_bytes(b"x")
+    found = maps_by_name(tmp_path.iterdir())
+    assert {kind: picture.name for kind, picture in found.items()} == expected
+
+
+def test_folders_as_libraries_pack_them(tmp_path):
+    for name in ("wall_4k.blend", "textures/wall_disp_4k.png", "textures/wall_disp_1k.png",
+                 "textures/wall_nor_gl_4k.png", "__MACOSX/._wall_disp_4k.png"):  # fmt: skip
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"x")
+    notes = []
+    maps = maps_in_folder(tmp_path, notes)
+    assert maps["displacement"].name == "wall_disp_4k.png"
+    assert maps["normal"].name == "wall_nor_gl_4k.png"
+    assert notes == ["of its 2 displacement maps wall_disp_4k.png is used, not wall_disp_1k.png"]
+    (tmp_path / "textures" / "wood_disp_4k.png").write_bytes(b"x")
+    with pytest.raises(AsperityError, match=r"maps of 2 materials \(wall, wood\); valid: a folder"):
+        maps_in_folder(tmp_path, notes)
+    short = tmp_path / "short"
+    short.mkdir()
+    for name in ("brick_N.png", "brick_H.png"):
+        (short / name).write_bytes(b"x")
+    assert sorted(maps_in_folder(short, notes)) == ["displacement", "normal"]
 
 
 # glTF
@@ -431,6 +516,28 @@ def test_a_gltf_names_its_files_encoded_or_not(tmp_path):
     (tmp_path / "a.gltf").write_text(json.dumps(tree))
     with pytest.raises(AsperityError, match=r"its file lost.bin is not there"):
         read_contents(tmp_path / "a.gltf")
+    tree["buffers"][0]["uri"] = "Bin\\C D.BIN"  # written on Windows
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "c d.bin").write_bytes(data)
+    (tmp_path / "a.gltf").write_text(json.dumps(tree))
+    is_box(read_mesh(tmp_path / "a.gltf"))
+
+
+def test_what_is_invisible_or_stored_twice(read):
+    hidden = {"extensions": {"KHR_node_visibility": {"visible": False}}}
+    (tree := gltf())["nodes"].append({"mesh": 0, "translation": [1, 0, 0], **hidden})
+    tree.pop("scenes", None)
+    mesh = read(tree)
+    is_box(mesh)
+    assert noted(mesh, "what is invisible is left out")
+    (tree := gltf())["nodes"][0]["weights"] = [0.5]
+    assert noted(read(tree), "its morph targets are left out")
+    compressed = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {}}}
+    (tree := gltf())["meshes"][0]["primitives"][0]["extensions"] = compressed
+    is_box(read(tree))  # not required: it stands there uncompressed too
+    del tree["accessors"][0]["bufferView"]
+    with pytest.raises(AsperityError, match=r"compressed \(KHR_draco_mesh_compression\)"):
+        read(tree)
 
 
 # Polygons

@@ -173,6 +173,23 @@ def test_a_gltf_brings_the_picture_within_it(tmp_path):
     assert target_of(again).texture.relief == pytest.approx(target_of(scene).texture.relief)
 
 
+def test_a_picture_of_a_kind_that_is_not_read_is_noted(tile):
+    mesh = tile(["norm tile_Normal.ktx2"])
+    (mesh.parent / "tile_Normal.ktx2").write_bytes(b"\xabKTX 20\xbb")
+    scene = asperity.make_scene(tool="sphere:3mm", target=mesh)
+    assert target_of(scene).texture is None
+    assert noted(scene, "its normal map tile_Normal.ktx2 is not used: of a kind", ".png")
+
+
+def test_a_normal_map_that_cannot_be_read_is_noted(tile, tmp_path):
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "a_disp.png").write_bytes(pictures()["Displacement"])
+    (tmp_path / "maps" / "a_nor_gl.png").write_bytes(b"x")
+    scene = asperity.make_scene(tool="sphere:3mm", target=tile(), target_texture=tmp_path / "maps")
+    assert noted(scene, "the relief is not found from a_nor_gl.png: ")
+    assert noted(scene, "no height_range for a_disp.png: 0.2 mm (default)")
+
+
 def test_a_saved_scene_has_what_its_meshes_name(tile, tmp_path):
     points, faces = CORNERS.astype("<f4").tobytes(), FACES.astype("<u2").tobytes()
     (tmp_path / "parts").mkdir()

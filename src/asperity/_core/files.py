@@ -96,6 +96,35 @@ def text_of(data: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
+def beside(folder: Path, name: str) -> Path:
+    """Return the path of a file that another one in `folder` names, possibly on another computer.
+
+    It is there as it is named, or with backslashes as slashes, in another case, or without the
+    folders in which it was elsewhere; else it is in `folder`, where it is not.
+    """
+    exact = folder / name
+    if exact.is_file():
+        return exact
+    parts = [part for part in name.replace("\\", "/").split("/") if part not in ("", ".")]
+    for first in range(len(parts)):
+        found = folder if ".." not in parts[first:] else None
+        for part in parts[first:]:
+            found = None if found is None else _in_any_case(found, part)
+        if found is not None and found.is_file():
+            return found
+    return folder / (parts[-1] if parts else name)
+
+
+def _in_any_case(folder: Path, name: str) -> Path | None:
+    """Return the path of a file or folder of this name, in any case."""
+    if (folder / name).exists():
+        return folder / name
+    if not folder.is_dir():
+        return None
+    alike = (path for path in sorted(folder.iterdir()) if path.name.lower() == name.lower())
+    return next(alike, None)
+
+
 def columns_of(
     lines: Sequence[str], columns: Sequence[int], delimiter: str | None = None
 ) -> Array | None:

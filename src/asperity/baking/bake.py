@@ -100,8 +100,8 @@ def bake(
     Parameters
     ----------
     source : path
-        A mesh (OBJ, GLB, glTF, PLY, STL), points (PLY without faces, XYZ), or a height map (an
-        image, an array, an instrument's file).
+        A mesh (OBJ, GLB, glTF, PLY, STL, 3MF), points (PLY without faces, XYZ), or a height map
+        (an image, an array, an instrument's file).
     out : path
         Folder to create.
     faces : int

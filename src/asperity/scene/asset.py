@@ -19,7 +19,8 @@ from asperity._core.arrays import Array
 from asperity._core.files import reading
 from asperity._core.kernels import cache_folder
 from asperity.errors import AsperityError
-from asperity.geometry.mesh.materials import FELT, SEEN, MapImage, Material, maps_by_name
+from asperity.geometry.mesh.map_names import maps_by_name
+from asperity.geometry.mesh.materials import FELT, SEEN, MapImage, Material
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.geometry.mesh.topology import crosses
 from asperity.scene.mesh import has_area
@@ -136,7 +137,14 @@ def texture_of(maps: Mapping[str, MapImage], notes: list[str]) -> dict[str, Any]
     for lost in FELT:
         if lost in maps and not maps[lost].is_there:
             notes.append(f"its {lost} map {maps[lost].name} is not there")
-    kind = next((k for k in FELT if k in maps and maps[k].is_there), None)
+        elif lost in maps and Path(maps[lost].name).suffix.lower() not in IMAGE_SUFFIXES:
+            notes.append(
+                f"its {lost} map {maps[lost].name} is not used: of a kind that is not read; "
+                f"valid: {', '.join(IMAGE_SUFFIXES)}"
+            )
+    usable = [k for k in FELT if k in maps and maps[k].is_there]
+    usable = [k for k in usable if Path(maps[k].name).suffix.lower() in IMAGE_SUFFIXES]
+    kind = usable[0] if usable else None
     if kind is None:
         return None
     picture = maps[kind]
@@ -199,8 +207,9 @@ def _rgba(colour: Any) -> str:
 
 
 def range_from_normals(
-    maps: Mapping[str, MapImage], table: Mapping[str, Any], pixel_size: tuple[float, float]
-) -> float | None:
+    maps: Mapping[str, MapImage], table: Mapping[str, Any], pixel_size: tuple[float, float],
+    notes: list[str],
+) -> float | None:  # fmt: skip
     """Return the height range of a displacement map that its normal map calls for [m].
 
     The root mean square slopes of both are the same.
@@ -212,13 +221,17 @@ def range_from_normals(
         The texture table of the displacement map.
     pixel_size : (pu, pv)
         Of the displacement map [m].
+    notes : list of str
+        Gets a note on a normal map that cannot be read.
     """
     normal = maps.get("normal")
     if normal is None or not normal.is_there:
         return None
     try:
         colours, heights = _pixels(_file_of(normal)), _pixels(Path(table["file"]))
-    except AsperityError:
+    except AsperityError as error:
+        reason = str(error).partition(normal.name)[2].lstrip(": ") or "it cannot be read"
+        notes.append(f"the relief is not found from {normal.name}: {reason}")
         return None
     if colours.ndim != 3 or colours.shape[2] < 3:
         return None
@@ -235,18 +248,6 @@ def range_from_normals(
     if of_normals < _FLATTEST or of_heights == 0.0:
         return None
     return of_normals / of_heights
-
-
-def folder_maps(folder: Path) -> dict[str, MapImage]:
-    """Return the maps in a folder by their names; raise `AsperityError` if none can be felt."""
-    maps = maps_by_name(folder.iterdir())
-    if not any(kind in maps for kind in FELT):
-        found = ", ".join(sorted(p.name for p in folder.iterdir())[:5])
-        raise AsperityError(
-            f"{folder}: no file in this folder is named as a displacement or normal map "
-            f"({found or 'it is empty'}); valid: names such as brick_Displacement.png"
-        )
-    return maps
 
 
 def _file_of(picture: MapImage) -> Path:

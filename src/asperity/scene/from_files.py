@@ -20,10 +20,10 @@ from asperity.errors import AsperityError
 from asperity.geometry.bodies import Geom
 from asperity.geometry.facets.tessellate import geom_triangles
 from asperity.geometry.mesh.checks import length
+from asperity.geometry.mesh.map_names import maps_in_folder
 from asperity.geometry.mesh.materials import MapImage
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.asset import (
-    folder_maps,
     own_textures,
     part_of,
     range_from_normals,
@@ -230,7 +230,7 @@ def _texture(
         return None, {}
     if isinstance(texture, str | Path) and str(texture) and Path(texture).expanduser().is_dir():
         key, folder = f"{which}_texture", Path(texture).expanduser()
-        maps = at(key, lambda: folder_maps(folder))
+        maps = at(key, lambda: maps_in_folder(folder, notes))
         laid = at(key, lambda: texture_of(maps, notes))
         if laid is not None:  # as on what it is laid asks
             del laid["mapping"]
@@ -325,7 +325,7 @@ def _scale(
     pixels = texture.get("pixel_size", [texture["size"][0] / columns, texture["size"][1] / rows]
                          if "size" in texture else None)  # fmt: skip
     pair = tuple(pixels) if isinstance(pixels, list | tuple) else (pixels, pixels)
-    found = range_from_normals(maps, texture, pair)
+    found = range_from_normals(maps, texture, pair, notes)
     texture["height_range"] = HEIGHT_RANGE if found is None else float(f"{found:.4g}")
     how = "(default)" if found is None else f"so that its slopes are those of {maps['normal'].name}"
     notes.append(f"no height_range for {path.name}: {1e3 * texture['height_range']:.4g} mm {how}")

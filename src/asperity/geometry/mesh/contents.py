@@ -1,6 +1,7 @@
 """What a mesh file holds, before it is checked: parts, materials, its unit.
 
-The readers (`obj`, `gltf`, `ply`, `stl`) return `Contents`; `files.read_mesh` makes one mesh of it.
+The readers (`obj`, `gltf`, `ply`, `stl`, `threemf`, `usd`) return `Contents`; `files.read_mesh`
+makes one mesh of it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Meshes from files: OBJ, GLB, glTF, PLY, STL and USD.
+"""Meshes from files: OBJ, GLB, glTF, PLY, STL, 3MF and USD.
 
 Vertices are neither merged nor reordered, so texture coordinates stay with their corners; normals
 are those of the file; parts of a scene are placed by their transforms. What a file states of itself
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
-from asperity._core.files import reading, text_of
+from asperity._core.files import beside, reading, text_of
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import UNITS, Corners, check_size, count_of, extents_of
 from asperity.geometry.mesh.contents import Contents, FilePart, coarse_note
@@ -23,14 +23,15 @@ from asperity.geometry.mesh.gltf import read_gltf
 from asperity.geometry.mesh.gltf_file import GltfFile
 from asperity.geometry.mesh.materials import Material
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
-from asperity.geometry.mesh.obj import read_obj
+from asperity.geometry.mesh.obj import library_names, read_obj
 from asperity.geometry.mesh.ply import read_ply
 from asperity.geometry.mesh.stl import read_stl
+from asperity.geometry.mesh.threemf import read_3mf
 from asperity.geometry.mesh.usd import USD_SUFFIXES, read_usd, usd_layers
 
 _READERS = {
     ".obj": read_obj, ".glb": read_gltf, ".gltf": read_gltf, ".ply": read_ply, ".stl": read_stl,
-    **dict.fromkeys(USD_SUFFIXES, read_usd),
+    ".3mf": read_3mf, **dict.fromkeys(USD_SUFFIXES, read_usd),
 }  # fmt: skip
 SUFFIXES = tuple(_READERS)
 
@@ -42,7 +43,7 @@ def read_mesh(
     hard_angle: float | None = None,
     name: str | None = None,
 ) -> Mesh:
-    """Return the mesh in a file: OBJ, GLB, glTF, PLY, STL, or USD (`asperity[usd]`).
+    """Return the mesh in a file: OBJ, GLB, glTF, PLY, STL, 3MF, or USD (`asperity[usd]`).
 
     All geometries of a scene are joined, placed by their transforms; polygons are split into fans
     of triangles. Texture coordinates are used if every geometry has them. Normals (OBJ vn, glTF
@@ -138,7 +139,8 @@ def companions(path: Path) -> list[Path]:
         elif suffix == ".obj":
             text = text_of(path.read_bytes())
             lines = re.findall(r"^\s*mtllib\s+(.+?)\s*$", text, flags=re.MULTILINE)
-            named = [path.parent / name for line in lines for name in (line, *line.split())]
+            names = [name for line in lines for name in library_names(path.parent, line)]
+            named = [beside(path.parent, name) for name in names]
     except (AsperityError, OSError):
         return []
     below = [file for file in named if file.is_file() and ".." not in file.parts]

@@ -79,7 +79,12 @@ class _Reader(GltfFile):
             transform = above @ self._transform(number, node)
             if "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
                 self.note("EXT_mesh_gpu_instancing is left out: a repeated part is there once")
+            if node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible") is False:
+                self.note("what is invisible is left out")
+                continue
             if "mesh" in node:
+                if any(node.get("weights", [])):
+                    self.note("its morph targets are left out")
                 if "skin" in node:
                     self.note("the skin of its bones is left out: it stands as it was modelled")
                 yield node["mesh"], transform
@@ -118,7 +123,11 @@ class _Reader(GltfFile):
             if "POSITION" not in attributes:
                 self.note(f"{where} has no positions: left out")
                 continue
-            if set(primitive.get("extensions", {})) & set(COMPRESSED):
+            stored = self.item("accessors", attributes["POSITION"])
+            if (
+                set(primitive.get("extensions", {})) & set(COMPRESSED)
+                and "bufferView" not in stored
+            ):
                 raise AsperityError(
                     f"{self.path}: {where} is compressed ({', '.join(primitive['extensions'])}); "
                     "valid: exported uncompressed"

@@ -1,4 +1,4 @@
-"""Materials of mesh files, and pictures that belong together by their file names.
+"""Materials of mesh files, and the pictures that they name.
 
 What a texture renderer shows as bumps can be felt: *displacement* is a map of heights, *normal* one
 of normals, *bump* heights without a scale. *colour* and *roughness* are only seen.
@@ -7,12 +7,12 @@ of normals, *bump* heights without a scale. *colour* and *roughness* are only se
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from asperity._core.files import text_of
+from asperity._core.files import beside, text_of
 from asperity._core.text_table import is_number
 from asperity.errors import require_between
 
@@ -102,14 +102,16 @@ class Material:
 
 _MTL = {
     "disp": "displacement", "map_disp": "displacement", "norm": "normal", "map_kn": "normal",
-    "map_norm": "normal", "map_bump": "bump", "bump": "bump", "map_kd": "colour",
-    "map_pr": "roughness",
+    "map_norm": "normal", "map_normal": "normal", "map_bump": "bump", "bump": "bump",
+    "map_kd": "colour", "map_pr": "roughness",
 }  # fmt: skip
 """Keywords of MTL files in lower case, and the kinds of maps that they name."""
 _NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1}
 """Options of maps that numbers follow, and how many at most."""
 _WORDS = ("-blendu", "-blendv", "-cc", "-clamp", "-imfchan", "-type")
 """Options of maps that one word follows."""
+_BEHIND = re.compile(rf"\s(?:(?:{'|'.join((*_NUMBERS, *_WORDS))})\s|#).*$", re.IGNORECASE)
+"""Options, which some programs write behind the name, and comments."""
 
 
 def read_mtl(path: Path, notes: list[str]) -> list[Material]:
@@ -157,7 +159,13 @@ def _with_map(material: Material, kind: str, rest: str, library: Path) -> Materi
     for _ in range(at):
         name = name.split(None, 1)[1]
     name = name.strip().strip('"')
-    picture = MapImage(_beside(library, name), Path(name.replace("\\", "/")).name)
+    path = beside(library.parent, name)
+    behind = _BEHIND.search(name)
+    if behind is not None and not path.is_file():  # options and comments behind it
+        options = behind.group().strip()
+        before = f"{options} " if options.startswith("-") else ""
+        return _with_map(material, kind, before + name[: behind.start()], library)
+    picture = MapImage(path, Path(name.replace("\\", "/")).name)
     if kind == "displacement" and len(given.get("-mm", [])) == 2:
         low, gain = given["-mm"]
         picture = picture._replace(height_range=gain, low=low)
@@ -169,65 +177,3 @@ def _with_map(material: Material, kind: str, rest: str, library: Path) -> Materi
         offset = tuple((*given.get("-o", []), 0.0, 0.0)[:2])
         placing = Placing(scale, offset)  # type: ignore[arg-type]
     return _changed(material, maps={**material.maps, kind: picture}, placing=placing)
-
-
-def _beside(library: Path, name: str) -> Path:
-    """Return the path of a picture that a library names, possibly as on another computer."""
-    named = Path(name.replace("\\", "/"))
-    for path in (library.parent / named, library.parent / named.name):
-        if path.is_file():
-            return path
-    return library.parent / named.name
-
-
-_BY_NAME = {
-    "displacement": ("displacement", "disp", "displace", "height", "heightmap", "depth", "dsp"),
-    "normal": ("normal", "normals", "normalgl", "normaldx", "nrm", "nor", "norm", "normalmap"),
-    "bump": ("bump", "bumpmap"),
-    "colour": ("color", "colour", "basecolor", "basecolour", "albedo", "diffuse", "diff", "col"),
-    "roughness": ("roughness", "rough", "rgh"),
-}
-"""Words in names of files that stand for kinds of maps (ambientCG, Poly Haven, Substance, ...)."""
-_UNREAL = {"n": "normal", "h": "displacement", "d": "colour", "bc": "colour", "r": "roughness"}
-"""Last letters of names that begin with T_, as Unreal's pictures do."""
-_SUFFIXES = (".tif", ".tiff", ".png", ".exr", ".jpg", ".jpeg")
-"""Of pictures, those that keep more of the heights first."""
-
-
-def maps_by_name(files: Iterable[Path], stem: str | None = None) -> dict[str, MapImage]:
-    """Return the pictures among files whose names say what they are, by kind.
-
-    Parameters
-    ----------
-    files : iterable of Path
-    stem : str, optional
-        How names have to begin, in any case: those of pictures that belong to a mesh of this name.
-    """
-    found: dict[str, list[Path]] = {}
-    for path in sorted(files):
-        if path.suffix.lower() not in _SUFFIXES or not path.is_file():
-            continue
-        begins = path.stem.lower().removeprefix("t_")
-        if stem is not None and not begins.startswith(stem.lower().removeprefix("t_")):
-            continue
-        kind = _kind_of(path.stem)
-        if kind is not None:
-            found.setdefault(kind, []).append(path)
-    out = {}
-    for kind, paths in found.items():
-        # Green up is what OpenGL and most programs write.
-        order = [("dx" in p.stem.lower(), _SUFFIXES.index(p.suffix.lower()), p) for p in paths]
-        out[kind] = MapImage(min(order)[2], min(order)[2].name)
-    return out
-
-
-def _kind_of(stem: str) -> str | None:
-    """Return the kind of map that the last telling word in a name stands for."""
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", stem)
-    words = [*re.split(r"[\W_]+", spaced.lower()), *re.split(r"[\W_]+", stem.lower())]
-    if stem[:2] in ("T_", "t_") and words[-1] in _UNREAL:
-        return _UNREAL[words[-1]]
-    return next(
-        (kind for word in reversed(words) for kind, names in _BY_NAME.items() if word in names),
-        None,
-    )

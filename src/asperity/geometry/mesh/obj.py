@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
-from asperity._core.files import columns_of, text_of
+from asperity._core.files import beside, columns_of, text_of
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
 from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit, triangulated
@@ -20,6 +22,7 @@ _KEYS = ("v", "vt", "vn")
 _REGIONS = ("usemtl ", "g ", "o ")
 _READ = ("v ", "vt ", "vn ", "f ", "fo ")
 _SPACE, _NEWLINE, _SLASH = map(ord, " \n/")
+_CONTINUED = re.compile(r"\\[ \t]*\n")
 _LEFT_OUT = {"l": "line", "p": "point", "curv": "curve", "surf": "free-form surface"}
 
 
@@ -37,7 +40,7 @@ def read_obj(path: Path) -> Contents:
     In a file without materials its groups, or else its objects, stand for them.
     """
     out = Contents()
-    text = text_of(path.read_bytes()).replace("\\\n", " ").replace("\t", " ")
+    text = _CONTINUED.sub(" ", text_of(path.read_bytes())).replace("\t", " ")
     lines = text.splitlines()
     if "\n " in text or text.startswith(" "):
         lines = [line.lstrip() for line in lines]
@@ -57,7 +60,7 @@ def read_obj(path: Path) -> Contents:
         if counts[key]
     ]
     libraries = [line[6:].strip() for line in rest if line.startswith("mtllib ")]
-    materials = _materials(path, libraries, faces, out)
+    materials = _materials(path, libraries, faces, out, named=counts["usemtl"] > 0)
     numbers = {material.name: i for i, material in enumerate(materials)}
     out.materials = materials
     for name, found in faces.items():
@@ -107,21 +110,32 @@ def _changes(lines: list[str], other: list[int], key: str) -> list[tuple[int, st
 
 
 def _materials(
-    path: Path, libraries: list[str], faces: dict[str, _Faces], out: Contents
+    path: Path, libraries: list[str], faces: dict[str, _Faces], out: Contents, *, named: bool
 ) -> list[Material]:
     """Return the materials that are used, of the libraries beside the file."""
     found: dict[str, Material] = {}
     for line in libraries:
         # A name may contain spaces; several files may stand in one line.
-        names = [line] if (path.parent / line.replace("\\", "/")).is_file() else line.split()
-        for name in names:
-            library = path.parent / name.strip('"').replace("\\", "/")
+        for name in library_names(path.parent, line):
+            library = beside(path.parent, name)
             if not library.is_file():
                 out.notes.append(f"its material library {name} is not there")
                 continue
             for material in read_mtl(library, out.notes):
                 found.setdefault(material.name, material)
-    return [found.get(name, Material(name)) for name in faces if name]
+    own = {name: found.get(name, found.get(name.partition(" #")[0].rstrip())) for name in faces}
+    lost = [name for name, material in own.items() if name and material is None]
+    if named and found and lost:
+        out.notes.append(f"materials that its library does not have: {', '.join(lost)[:120]}")
+    return [replace(own[name] or Material(name), name=name) for name in faces if name]
+
+
+def library_names(folder: Path, line: str) -> list[str]:
+    """Return the names of material libraries that stand behind mtllib."""
+    for whole in (line.strip().strip('"'), line.partition(" #")[0].strip().strip('"')):
+        if beside(folder, whole).is_file():
+            return [whole]
+    return [word.strip('"') for word in line.partition(" #")[0].split()]
 
 
 def _numbers(path: Path, key: str, rows: list[str], least: int, most: int, out: Contents) -> Array:
