@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from asperity.contact.soft.skin import SoftSkin
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.scene.document import Table, arguments, at
+
+if TYPE_CHECKING:
+    from asperity.scene.scene import Scene
 
 
 def _keys(
@@ -74,6 +77,14 @@ def scene_skin(document: Table, tool: str, bodies: Sequence[Body]) -> SoftSkin |
     facing = (0.0, 0.0, -1.0 if bearer == tool else 1.0)
     own = next(body for body in bodies if body.name == bearer)
     return at(key, lambda: SoftSkin(own, **{"facing": facing, **given}))
+
+
+def require_rigid(scene: Scene, what: str) -> None:
+    """Raise `AsperityError` for a scene with a soft skin, which `what` would leave out."""
+    if scene.skin is not None:
+        raise AsperityError(
+            f"{scene.name} has a soft skin, and {what}; valid: scenes without a table named skin"
+        )
 
 
 def _lumps(value: Any, key: str) -> Sequence[Any]:

@@ -12,6 +12,8 @@ from asperity.scene.builtin import load_scene
 from asperity.scene.scene import scene_of
 from asperity.simulation.simulation import Simulation
 from asperity.simulation.skin_engine import SkinEngine
+from asperity.studies.comparison.compare import compare
+from asperity.studies.stability.measure import measure_stability
 
 SLAB = Body("slab", [Geom("box", (0.02, 0.02, 0.005))])
 BALL = Body("ball", [Geom("sphere", (0.006,))])
@@ -185,3 +187,10 @@ def test_a_third_body_is_refused():
     assert scene_of(plate.xml, document).skin.body.name == "plate"
     with pytest.raises(AsperityError, match="there is 'post'; leave it out, or have it only seen"):
         scene_of(plate.xml.replace("<worldbody>", more), document)
+
+
+@pytest.mark.parametrize("measure", [measure_stability, lambda scene: compare(scene, [])])
+def test_what_has_no_skin_refuses_one(measure):
+    with pytest.raises(AsperityError, match="palpation has a soft skin") as refused:
+        measure(load_scene("palpation"))
+    assert "\n" not in str(refused.value)

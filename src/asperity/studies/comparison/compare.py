@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from asperity.errors import AsperityError
 from asperity.runs.figures import force_spectrum
 from asperity.scene.scene import Scene
+from asperity.scene.skin import require_rigid
 from asperity.scene.trajectory import ScriptedMotion, Trajectory, at_ticks
 from asperity.simulation.simulation import Simulation
 from asperity.studies.baselines import METHODS, Method, Renderer
@@ -168,9 +169,10 @@ def compare(
     Raises
     ------
     AsperityError
-        If the motion cannot be made, the tool touches nothing along it, or a geom has a surface of
-        its own.
+        If the motion cannot be made, the tool touches nothing along it, a geom has a surface of
+        its own, or a body has a soft skin.
     """
+    require_rigid(scene, "the methods are of rigid bodies")
     settings = settings or CompareSettings()
     for body in scene.bodies:
         if any(geom.surface is not None for geom in body.geoms):

@@ -31,6 +31,7 @@ from asperity.dynamics.simulated_hand.hand import transition
 from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES
 from asperity.errors import AsperityError, require_between, require_positive
 from asperity.scene.scene import Scene
+from asperity.scene.skin import require_rigid
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.simulation.press import pressed_pose, touching_pose
 from asperity.simulation.simulation import Simulation
@@ -136,6 +137,7 @@ def measure_stability(
     progress: Callable[[], None] = lambda: None,
 ) -> Stability:
     """Return the limits of a scene. `progress` is called `len(rates) * len(dampings)` times."""
+    require_rigid(scene, "stability varies force.stiffness, which does not act on it")
     settings = settings or StabilitySettings()
     quiet = scene.changed(force={"anti_alias": "off", "friction": 0.0})
     flat, rough = Wall(quiet.smooth(), settings), Wall(quiet, settings)
