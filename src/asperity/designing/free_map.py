@@ -234,7 +234,7 @@ class Retreating:
     """A loss that points back to its last good place where no hand would move.
 
     A step of the line search may lead to a map in whose notches the hand stays. It has no metrics,
-    which says nothing against the maps on the way there.
+    which is no evidence against the maps on the way there.
     """
 
     def __init__(self, loss: Callable[[Array], tuple[float, Array]]) -> None:
