@@ -273,6 +273,13 @@ def test_patterns_in_one_word():
             pattern(text)
 
 
+def test_short_names_of_patterns_need_their_length():
+    """Alone they may be names of files."""
+    table, _ = pattern("ridges:0.8mm")
+    assert (table["kind"], table["pitch"]) == ("grating", 8e-4)
+    assert pattern("ridges") is None
+
+
 def test_options_of_a_file_follow_it(tile, tmp_path):
     text = "a:b/cast.png:colour=red,pixel_size=10um,size=20x10mm,invert=true,nodata=-9999,unit=mm"
     assert file_table(text) == {
