@@ -99,6 +99,7 @@ def test_whoever_stops_a_picture_of_the_page_is_told_whether_there_is_one(
             raise KeyboardInterrupt
         path.write_bytes(b"PNG")
 
+    monkeypatch.setattr(asperity.viewer.browser, "require_browser", lambda: "chromium")
     monkeypatch.setattr(asperity.viewer.browser, "take_picture", take)
     monkeypatch.setattr(asperity.viewer.servo_client, "ServoClient", linked)
     monkeypatch.setattr(asperity.viewer.app, "live_page", shown)

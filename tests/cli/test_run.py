@@ -86,6 +86,21 @@ def test_a_scene_of_one_s_own_and_a_file_of_poses(tmp_path):
     np.testing.assert_allclose(two.tool_pose, one.tool_pose, atol=1e-12)
 
 
+def test_a_saved_scene_has_what_the_options_changed(tmp_path):
+    options = ["--seconds", "0.05", "--speed-mm-s", "40", "--depth-mm", "0.1"]
+    saved = ["--coupling", "implicit", "--anti-alias", "band", "--save", str(tmp_path / "scene")]
+    first, again, pressed = (tmp_path / name for name in ("first", "again", "pressed"))
+    assert main(["run", "probe-plate", *options, *saved, "--out", str(first)]) == 0
+    assert main(["run", str(tmp_path / "scene"), "--out", str(again)]) == 0
+    one, two = (read_recording(folder / "recording.h5") for folder in (first, again))
+    np.testing.assert_array_equal(one.device_wrench, two.device_wrench)
+    # A force takes the place of the saved depth.
+    further = ["--force-n", "0.4", "--save", str(tmp_path / "other"), "--out", str(pressed)]
+    assert main(["run", str(tmp_path / "scene"), *further]) == 0
+    motion = load_scene(tmp_path / "other").motion
+    assert (motion.press_force, motion.press_depth, motion.speed) == (0.4, None, 0.04)
+
+
 def test_the_same_command_gives_the_same_forces(tmp_path):
     wrenches = []
     for name in ("a", "b"):

@@ -8,7 +8,14 @@ import pytest
 from matplotlib.figure import Figure
 
 import asperity
-from asperity.drawing.figure_style import PAGE_WIDTH, SMALLEST, log_scale, save, style
+from asperity.drawing.figure_style import (
+    PAGE_WIDTH,
+    SMALLEST,
+    colour_and_marker,
+    log_scale,
+    save,
+    style,
+)
 from figure_text import smallest_text
 
 SOURCES = Path(asperity.__file__).parent
@@ -76,3 +83,7 @@ def test_a_figure_is_saved_alike_twice(tmp_path):
         written.append(svg.read_bytes())
         assert png.stat().st_size > 1000
     assert written[0] == written[1]
+
+
+def test_thirty_six_series_are_told_apart():
+    assert len({colour_and_marker(i) for i in range(36)}) == 36

@@ -137,6 +137,7 @@ def test_friction_of_a_surface_replaces_mujocos(model):
         ),
         ({"table": np.zeros((8, 8))}, "needs a pixel_size"),
         ({"table": "sandpaper.png"}, "neither a file nor a pattern"),
+        ({"table": (np.zeros((9, 9)),)}, r"no texture: \(array[^\n]*\.\.\.; valid"),
         ({"table": 3}, "no texture: 3"),
         ({"table": textured.texture(BUMPS, mapping="uv")}, "texture coordinates"),
         ([], "must be a mapping"),

@@ -3,6 +3,7 @@
 import csv
 import json
 
+import numpy as np
 import pytest
 from fakes import CHOICE, MAGNITUDE, Nothing, design, document
 
@@ -175,6 +176,22 @@ def test_exponents_are_compared_within_people(tmp_path, capsys):
     assert "- Morey" in text
 
 
+def test_sessions_are_told_as_they_are_fitted_and_conditions_are_named(tmp_path):
+    from asperity.psychophysics.analysis.conditions import analyse_conditions
+    from asperity.psychophysics.analysis.results import read_conditions
+
+    staircase = {"start": [0.8], "trials": 20}
+    made = [document(CHOICE, name=name, staircase=staircase, seed=k) for k, name in enumerate("ab")]
+    folders = [sessions(tmp_path / one["name"], one, PEOPLE[:2]) for one in made]
+    told = []
+    out = tmp_path / "out"
+    out.mkdir()
+    options = AnalysisOptions(samples=100)
+    analyse_conditions(read_conditions(folders), out, options, told.append)
+    assert told == ["P1-1", "P2-1"] * 2
+    assert "in 2 conditions (a, b)." in (out / "methods.md").read_text("utf-8")
+
+
 def test_methods_of_yes_no_and_adjustment():
     base = document(CHOICE, forced_choice=None, staircase=None)
     yes_no = base | {"method": "yes-no", "yes-no": {"standard": 2e-4, "levels": [0.2, 0.4]}}
@@ -199,3 +216,16 @@ def test_conditions_of_different_methods_are_refused(compared, tmp_path, capsys)
 def test_names_of_conditions_become_names_of_folders():
     assert file_name("Fine ridges, 2 mm") == "Fine_ridges_2_mm"
     assert file_name("../..") == "condition"
+
+
+@pytest.mark.parametrize("apart", [(0.1, 0.3), (0.2, 0.2), (0.0, 0.0)])
+def test_two_people_are_compared(apart):
+    """There is no Hedges' correction of two, and no spread where both differ alike."""
+    from asperity.psychophysics.analysis.group import _compared
+
+    one = _compared("a", "b", np.array(apart), False, 0.95)
+    found = json.loads(json.dumps(one.summary, allow_nan=False))
+    assert found["hedges_gz"] is None
+    assert found["difference"]["value"] == pytest.approx(sum(apart) / 2)
+    assert (found["t"] is None) == (apart == (0.2, 0.2))
+    assert (found["p"] == 1.0) == (apart == (0.0, 0.0))

@@ -290,12 +290,20 @@ def test_patterns_in_one_word():
             pattern(text)
 
 
+def test_short_names_of_patterns_need_their_length():
+    """Alone they may be names of files."""
+    table, _ = pattern("ridges:0.8mm")
+    assert (table["kind"], table["pitch"]) == ("grating", 8e-4)
+    assert pattern("ridges") is None
+
+
 def test_options_of_a_file_follow_it(tile, tmp_path):
     text = "a:b/cast.png:colour=red,pixel_size=10um,size=20x10mm,invert=true,nodata=-9999,unit=mm"
     assert file_table(text) == {
         "file": "a:b/cast.png", "colour": "red", "pixel_size": pytest.approx(1e-5), "unit": "mm",
         "size": pytest.approx([0.02, 0.01]), "invert": True, "nodata": -9999.0,
     }  # fmt: skip
+    assert file_table("a.png:pixel_size=30um")["pixel_size"] == 3e-5  # not 2.9999999999999997e-05
     assert file_table("p.csv:order=time,x,y")["order"] == "time,x,y"
     assert file_table("C:\\cast.png") == {"file": "C:\\cast.png"}
     (tmp_path / "odd:name=1").write_bytes(b"")

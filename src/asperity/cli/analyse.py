@@ -54,6 +54,7 @@ class AnalyseCommand:
     def run(self) -> None:
         """Analyse, write, and print the main numbers."""
         from asperity._core.output import result_folder
+        from asperity.cli.progress import progress_bars
         from asperity.psychophysics.analysis.analysis import analyse
         from asperity.psychophysics.analysis.conditions import analyse_conditions
         from asperity.psychophysics.analysis.psychometric import FUNCTIONS
@@ -80,12 +81,18 @@ class AnalyseCommand:
         options = with_options(AnalysisOptions, self)
         first, several = self.folders[0], len(self.folders) > 1
         out = self.out or (first.resolve().parent / "comparison" if several else first / "analysis")
-        with result_folder(out, overwrite=self.overwrite) as folder:
+        count = sum(len(results) for results in conditions.values())
+        with result_folder(out, overwrite=self.overwrite) as folder, progress_bars() as bars:
+            task = bars.add_task("analysis", total=count, completed=-1)
+
+            def show(session: str) -> None:
+                bars.update(task, description=session, advance=1)
+
             if several:
-                found = analyse_conditions(conditions, folder, options)
+                found = analyse_conditions(conditions, folder, options, show)
                 analyses = found["conditions"]
             else:
-                found = analyse(next(iter(conditions.values())), folder, options)
+                found = analyse(next(iter(conditions.values())), folder, options, show)
                 analyses = {next(iter(conditions)): found}
         print_result(_lines(out, found, analyses), found)
 
@@ -101,10 +108,11 @@ def _lines(out: Path, found: dict[str, Any], analyses: dict[str, Any]) -> Iterat
         for one in compared:
             kind = "ratio" if "ratio" in one else "difference"
             value, size = one[kind], one["cohens_dz"]
+            t = "infinite" if one["t"] is None else f"{one['t']:.2f}"
             holm = f", {one['p_holm']:.3g} after Holm" if len(compared) > 1 else ""
             yield (
                 f"{one['second']} against {one['first']}, {_name(measure)}: {kind} "
-                f"{_span(value)}, t({one['degrees_of_freedom']}) = {one['t']:.2f}, "
+                f"{_span(value)}, t({one['degrees_of_freedom']}) = {t}, "
                 f"p = {one['p']:.3g}{holm}, d_z = {_span(size)}, {one['people']} people"
             )
         if not compared:
@@ -122,6 +130,8 @@ def _name(measure: str) -> str:
 
 
 def _span(numbers: dict[str, Any]) -> str:
+    if numbers["value"] is None:
+        return "infinite"
     if numbers["low"] is None:
         return f"{numbers['value']:.3g}"
     return f"{numbers['value']:.3g} ({numbers['low']:.3g} to {numbers['high']:.3g})"

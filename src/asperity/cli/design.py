@@ -47,10 +47,17 @@ class DesignCommand:
             )  # fmt: skip
         lines = [f"{self.out}: {len(made.surfaces)} surfaces; see report.html"]
         for i, surface in enumerate(made.surfaces):
-            shown = ", ".join(f"{k} {v:.4g}" for k, v in surface.parameters.items())
+            shown = ", ".join(_shown(k, v) for k, v in surface.parameters.items())
             lines.append(f"  {i + 1}: {surface.kind}, {shown}; {100 * surface.worst:.2g} % off")
         if "series" in made.report:
             share = made.report["series"]["share_even_within_5_percent"]
             lines.append(f"  even within 5 % for {100 * share:.0f} % of 36 hands")
         lines += [f"  {note}" for note in made.report["notes"]]
         print_result(lines, made.report)
+
+
+def _shown(name: str, value: float) -> str:
+    """Return a parameter of a pattern as text, lengths in mm."""
+    from asperity.scene.shorthand import NO_LENGTHS
+
+    return f"{name} {value:.4g}" if name in NO_LENGTHS else f"{name} {1e3 * value:.4g} mm"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -102,7 +102,8 @@ class RunCommand:
     out: Path = Path("out/run")
     """Folder for the results."""
     save: Path | None = None
-    """Also save the scene to this folder, to change scene.toml there and run it again."""
+    """Also save the scene to this folder, with what these options change of it, to change
+    scene.toml there and run it again. A file of poses is not saved."""
     overwrite: bool = False
     """Replace files of the same names in the folder."""
 
@@ -125,6 +126,7 @@ class RunCommand:
             raise AsperityError(f"--field-rate-hz: {scene.name} has no soft skin ([tool.skin])")
         scale = scale_table(scene)
         motion = self._motion(scene)
+        self._save(scene, motion)
         announce_compiling("press" if scene.skin else "tick")  # before the progress bar is drawn
         with result_folder(self.out, overwrite=self.overwrite) as folder, progress_bars() as bars:
             task = bars.add_task(scene.name, total=None)
@@ -162,6 +164,7 @@ class RunCommand:
             )
         scene = with_coupling(self._scene(), self.coupling)
         motion = self._motion(scene) if device == "simulated" else None
+        self._save(scene, motion)
         spec = servo_spec(scene, device, self.options, self.seconds, motion)
         source = self.scene or ""
         run_on_device(spec, self.out, source=source, figures=True, overwrite=self.overwrite)
@@ -182,14 +185,26 @@ class RunCommand:
             if self.scene is None
             else load_scene(self.scene, seed=self.seed)
         )
-        if self.save is not None:
-            scene.save(self.save, overwrite=self.overwrite)
         changes = {}
         if self.anti_alias is not None:
             changes["force"] = {"anti_alias": self.anti_alias}
         if self.coupling is not None:
             changes["coupling"] = {"mode": self.coupling}
         return replace(scene.changed(**changes), notes=scene.notes) if changes else scene
+
+    def _save(self, scene: Scene, motion: ScriptedMotion | Trajectory | None) -> None:
+        """Save the scene, with a scripted motion as the options change it."""
+        from asperity.scene.trajectory import ScriptedMotion
+
+        if self.save is None:
+            return
+        if isinstance(motion, ScriptedMotion) and motion != scene.motion:
+            values = {one.name: getattr(motion, one.name) for one in fields(motion)}
+            usual = {one.name: one.default for one in fields(motion)}
+            old: dict[str, Any] = dict.fromkeys(scene.document.get("trajectory", {}))
+            new = {name: value for name, value in values.items() if value != usual[name]}
+            scene = scene.changed(trajectory=old | {"kind": motion.kind} | new)
+        scene.save(self.save, overwrite=self.overwrite)
 
     def _refuse_mixed(self) -> None:
         """Refuse options that do not describe exactly one scene."""

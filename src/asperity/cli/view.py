@@ -73,6 +73,10 @@ class ViewCommand:
         if self.simulate:
             self._simulate()
             return
+        if self.screenshot is not None:
+            from asperity.viewer.browser import require_browser
+
+            require_browser()  # before half a minute of start
         config = self._config()
         from asperity.simulation.tool_contact import announce_compiling
         from asperity.viewer.servo_client import ServoClient

@@ -22,6 +22,13 @@ from asperity._core.digits import SUPERSCRIPTS
 # Okabe & Ito (2008): distinguishable by colour-blind readers, and in grey by the markers.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MARKERS = ("o", "s", "^", "D", "v", "P")
+
+
+def colour_and_marker(i: int) -> tuple[str, str]:
+    """Return colour and marker of series i; among 36 in a row no two have both alike."""
+    return COLOURS[i % 6], MARKERS[(i + i // 6) % 6]
+
+
 PAGE_WIDTH = 9.6
 """Largest width of a figure that stands alone [inch]."""
 REPORT_WIDTH = 6.6

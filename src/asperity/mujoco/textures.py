@@ -14,8 +14,9 @@ from asperity.scene import shorthand
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.patterns import EXAMPLES, PATTERNS
 
-OTHER_NAMES = {"ridges": "grating", "dots": "jittered_dots", "waves": "sinusoid"}
 """Everyday names of patterns."""
+_SHOWN = 60
+"""Most characters of a wrong value in a message."""
 _VALID = (
     "a HeightField, a Surface, pattern(...), texture(...), a text such as 'knurl:0.8mm', "
     "or the path of a file"
@@ -39,8 +40,8 @@ def pattern(name: str, **parameters: Any) -> HeightField:
     AsperityError
         A pattern or a parameter that does not exist, or a value out of range; one line.
     """
-    known = OTHER_NAMES.get(name, name)
-    require_choice("pattern", known, [*PATTERNS, *OTHER_NAMES])
+    known = shorthand.OTHER_NAMES.get(name, name)
+    require_choice("pattern", known, [*PATTERNS, *shorthand.OTHER_NAMES])
     usual = EXAMPLES[known]
     require_names(known, parameters)
     first = next(iter(usual))
@@ -113,7 +114,7 @@ def height_field(source: Any, options: dict[str, Any] | None = None) -> HeightFi
             table, _ = found
             kind = table.pop("kind")
             return PATTERNS[kind](**table)
-        known = OTHER_NAMES.get(source, source)
+        known = shorthand.OTHER_NAMES.get(source, source)
         if known in PATTERNS:
             return pattern(known)
     if isinstance(source, str | os.PathLike):
@@ -129,7 +130,9 @@ def height_field(source: Any, options: dict[str, Any] | None = None) -> HeightFi
                 "an array of heights needs a pixel_size: texture(heights, pixel_size=1e-5) [m]"
             )
         return HeightField(source, **given)
-    raise AsperityError(f"no texture: {source!r}; valid: {_VALID}")
+    shown = " ".join(repr(source).split())
+    shown = shown if len(shown) <= _SHOWN else f"{shown[:_SHOWN]}..."
+    raise AsperityError(f"no texture: {shown}; valid: {_VALID}")
 
 
 def surface_of(value: Any, usual_mapping: str) -> Surface:

@@ -121,7 +121,9 @@ def arguments(table: Table, where: str, makes: Callable[..., Any] | type) -> dic
     require_keys(table, where, parameters)
     for name, parameter in parameters.items():
         if parameter.default is inspect.Parameter.empty and name not in table:
-            raise AsperityError(f"{where}.{name} is missing")
+            kinds, sequences = _kinds(str(parameter.annotation))
+            wanted = _wanted(kinds, sequences)
+            raise AsperityError(f"{where}.{name} is missing" + f"; valid: {wanted}" * bool(wanted))
     return {
         key: _typed(value, f"{where}.{key}", str(parameters[key].annotation))
         for key, value in table.items()
@@ -185,8 +187,7 @@ def tables_with_files(document: Table) -> list[Any]:
 
 def _typed(value: Any, key: str, annotation: str) -> Any:
     """Return a value of the TOML converted to its annotated type, or raise `AsperityError`."""
-    kinds = {part.strip() for part in annotation.replace("NDArray", "Sequence").split("|")}
-    sequences = any(k.startswith(("tuple", "Sequence", "list")) or "ArrayLike" in k for k in kinds)
+    kinds, sequences = _kinds(annotation)
     if isinstance(value, bool):
         if "bool" in kinds:
             return value
@@ -202,7 +203,15 @@ def _typed(value: Any, key: str, annotation: str) -> Any:
             return value
     elif isinstance(value, list | tuple) and sequences and all(map(_is_number, value)):
         return tuple(float(v) for v in value)
-    raise AsperityError(f"{key} must be {_wanted(kinds, sequences)}, got {value!r}")
+    wanted = _wanted(kinds, sequences) or "something else"
+    raise AsperityError(f"{key} must be {wanted}, got {value!r}")
+
+
+def _kinds(annotation: str) -> tuple[set[str], bool]:
+    """Return the types of an annotation, and whether a list of numbers is among them."""
+    kinds = {part.strip() for part in annotation.replace("NDArray", "Sequence").split("|")}
+    sequences = any(k.startswith(("tuple", "Sequence", "list")) or "ArrayLike" in k for k in kinds)
+    return kinds, sequences
 
 
 def _is_number(value: Any) -> bool:
@@ -219,7 +228,7 @@ def _wanted(kinds: set[str], sequences: bool) -> str:
         words.append("a whole number")
     if sequences:
         words.append("a list of numbers")
-    return " or ".join(words) or "something else"
+    return " or ".join(words)
 
 
 def beside(folder: Path | None, name: str) -> Path:

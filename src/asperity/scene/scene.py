@@ -240,6 +240,7 @@ def _scene_files(path: Path) -> tuple[Path, Path | None]:
         if path.suffix.lower() not in MODELS:
             raise AsperityError(
                 f"{path}: unknown kind of file; valid: a folder, or {', '.join(MODELS)}"
+                "; give meshes by --tool and --target, or to make_scene"
             )
         toml = path.with_suffix(".toml")
         return path, toml if toml.is_file() else None

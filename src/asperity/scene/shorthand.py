@@ -26,6 +26,8 @@ _NUMBER = r"[0-9]*\.?[0-9]+(?:e-?[0-9]+)?"
 _LENGTH = re.compile(rf"^({_NUMBER})\s*([a-zµ]*)$", re.IGNORECASE)
 NO_LENGTHS = ("hurst", "rms_slope", "direction", "angle", "jitter", "seed", "periods", "samples")
 """Parameters of patterns that are no lengths."""
+OTHER_NAMES = {"ridges": "grating", "dots": "jittered_dots", "waves": "sinusoid"}
+"""Short names of patterns."""
 
 
 def file_table(text: str) -> dict[str, Any]:
@@ -61,8 +63,13 @@ def _option(value: str) -> Any:
     unit = found[-1].group(2).replace("µ", "u") if found[-1] else ""
     if unit not in UNITS or not all(found):
         return value
-    lengths = [float(number.group(1)) * UNITS[unit] for number in found if number]
+    lengths = [_length(number.group(1), unit) for number in found if number]
     return lengths if len(lengths) > 1 else lengths[0]
+
+
+def _length(number: str, unit: str) -> float:
+    """Return a length [m] without the last digits of a product: 30um is 3e-05."""
+    return float(f"{float(number) * UNITS[unit]:.14g}")
 
 
 def primitive(text: str) -> tuple[Geom, str] | None:
@@ -118,6 +125,8 @@ def pattern(text: str) -> tuple[dict[str, Any], str] | None:
     """
     kind, _, rest = text.partition(":")
     kind = kind.strip().lower()
+    if ":" in text:  # alone, they may be names of files
+        kind = OTHER_NAMES.get(kind, kind)
     if kind not in PATTERNS:
         return None
     usual = EXAMPLES[kind]
@@ -157,7 +166,7 @@ def _value(text: str, name: str, value: str) -> Any:
     found = _LENGTH.match(value)
     unit = found.group(2).replace("µ", "u") if found else ""
     if found is not None and unit in UNITS and name not in NO_LENGTHS:
-        return float(found.group(1)) * UNITS[unit]
+        return _length(found.group(1), unit)
     if found is not None and name in NO_LENGTHS:
         number = float(found.group(1))
         if unit == "deg":

@@ -42,6 +42,32 @@ def chromium() -> str | None:
     return next((found for name in NAMES if (found := shutil.which(name))), None)
 
 
+def require_browser() -> str:
+    """Return the path of Chromium: the system's, else the one that Playwright has installed.
+
+    Raises
+    ------
+    AsperityError
+        Playwright or Chromium is not installed.
+    """
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        raise AsperityError(
+            "a picture of the page needs Playwright: pip install playwright"
+        ) from None
+    path = chromium()
+    if path is None:
+        with sync_playwright() as playwright:
+            path = playwright.chromium.executable_path
+        if not Path(path).is_file():
+            raise AsperityError(
+                f"a picture of the page needs a browser: one of {', '.join(NAMES)}, or that of "
+                "'playwright install chromium'"
+            )
+    return path
+
+
 @contextmanager
 def browser_tab(size: tuple[int, int] = SIZE) -> Iterator[Any]:
     """Open a tab of a headless Chromium, as a Playwright page.
@@ -51,16 +77,10 @@ def browser_tab(size: tuple[int, int] = SIZE) -> Iterator[Any]:
     AsperityError
         Playwright or Chromium is not installed, or Chromium does not start.
     """
-    try:
-        from playwright.sync_api import TimeoutError as TooLate
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        raise AsperityError(
-            "a picture of the page needs Playwright: pip install playwright"
-        ) from None
-    path = chromium()
-    if path is None:
-        raise AsperityError(f"a picture of the page needs a browser: one of {', '.join(NAMES)}")
+    path = require_browser()
+    from playwright.sync_api import TimeoutError as TooLate
+    from playwright.sync_api import sync_playwright
+
     arguments = list(_ARGUMENTS)
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         arguments.append("--no-sandbox")  # Chromium's sandbox does not work for root

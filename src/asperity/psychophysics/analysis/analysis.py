@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -115,7 +116,10 @@ def _plain(values: Any) -> list[float | None]:
     return [float(v) if np.isfinite(v) else None for v in values]
 
 
-def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions) -> dict[str, Any]:
+def analyse(
+    results: list[SessionResult], folder: Path, options: AnalysisOptions,
+    on_session: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:  # fmt: skip
     """Analyse sessions of one experiment; write its files into a folder; return the numbers.
 
     Files: `analysis.json`, `answers.csv` of all sessions, `methods.md`, figures as PNG and SVG, and
@@ -128,13 +132,16 @@ def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions
     folder : Path
         An existing folder.
     options : AnalysisOptions
+    on_session : callable, optional
+        Called with the name of each session before its psychometric function is fitted.
     """
-    return analyse_condition(results, results[0].design.name, folder, options)[0]
+    return analyse_condition(results, results[0].design.name, folder, options, on_session)[0]
 
 
 def analyse_condition(
-    results: list[SessionResult], name: str, folder: Path, options: AnalysisOptions
-) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, Group]]:
+    results: list[SessionResult], name: str, folder: Path, options: AnalysisOptions,
+    on_session: Callable[[str], None] = lambda _: None,
+) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, Group]]:  # fmt: skip
     """Analyse one condition, as `analyse`; return its numbers, its rows of thresholds, and groups.
 
     Groups are means over participants, by measure.
@@ -159,7 +166,10 @@ def analyse_condition(
         summary["magnitude"] = magnitudes_summary(found)
         figure_style.save(figures.magnitude_figure(found, design), folder, "magnitude")
     elif design.adaptive is not None:
-        thresholds = [analyse_threshold(result, options) for result in results]
+        thresholds = []
+        for result in results:
+            on_session(result.name)
+            thresholds.append(analyse_threshold(result, options))
         summary[design.method] = [threshold.summary for threshold in thresholds]
         for threshold in thresholds:
             session = threshold.result.name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,9 @@ from asperity.psychophysics.session.tables import as_csv
 
 
 def analyse_conditions(
-    conditions: dict[str, list[SessionResult]], folder: Path, options: AnalysisOptions
-) -> dict[str, Any]:
+    conditions: dict[str, list[SessionResult]], folder: Path, options: AnalysisOptions,
+    on_session: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:  # fmt: skip
     """Analyse several experiments, and compare them as conditions within people.
 
     Each condition's files are in a separate folder; beside them are `comparison.json`, the tables
@@ -31,6 +33,8 @@ def analyse_conditions(
     folder : Path
         An existing folder.
     options : AnalysisOptions
+    on_session : callable, optional
+        As of `analyse`.
 
     Raises
     ------
@@ -55,7 +59,9 @@ def analyse_conditions(
     for name, results in conditions.items():
         own = folder / file_name(name)
         own.mkdir()
-        summary["conditions"][name], more, found = analyse_condition(results, name, own, options)
+        summary["conditions"][name], more, found = analyse_condition(
+            results, name, own, options, on_session
+        )
         rows += more
         for measure, one in found.items():
             groups.setdefault(measure, {})[name] = one

@@ -86,10 +86,10 @@ class PairedComparison:
             "first": self.first, "second": self.second, "people": self.people,
             "ratio" if self.logarithmic else "difference":
                 dict(zip(ends, _plain(self.effect), strict=True)),
-            "t": self.t, "degrees_of_freedom": self.people - 1, "p": self.p,
+            "t": _plain((self.t,))[0], "degrees_of_freedom": self.people - 1, "p": self.p,
             "p_holm": self.p_holm,
             "cohens_dz": dict(zip(ends, _plain(self.effect_size), strict=True)),
-            "hedges_gz": self.hedges,
+            "hedges_gz": _plain((self.hedges,))[0],
         }  # fmt: skip
 
 
@@ -210,6 +210,8 @@ def _compared(
     n = len(apart)
     mean, sd = float(np.mean(apart)), float(np.std(apart, ddof=1))
     statistic = mean / (sd / math.sqrt(n)) if sd > 0.0 else math.copysign(math.inf, mean)
+    if sd == mean == 0.0:  # nobody differs
+        statistic = 0.0
     half = float(t.ppf(0.5 + 0.5 * confidence, n - 1)) * sd / math.sqrt(n)
     ends = (mean, mean - half, mean + half)
     effect = Estimate(*(10.0**e for e in ends)) if logarithmic else Estimate(*ends)

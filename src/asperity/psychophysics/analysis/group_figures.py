@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from asperity._core.arrays import Array
 from asperity.drawing.figure_style import (
     COLOURS,
-    MARKERS,
     PAGE_WIDTH,
     SMALLEST,
+    colour_and_marker,
     log_scale,
     style,
 )
@@ -77,9 +77,10 @@ def conditions_figure(
                     rows.append(one.estimates[one.participants.index(name)])
             values = _table(rows) * factor
             everything.append(values)
+            colour, marker = colour_and_marker(k)
             axes.errorbar(
-                place, values[:, 0], yerr=_errors(values), fmt=MARKERS[k % 6] + "-",
-                color=COLOURS[k % 6], ms=4, lw=0.8, elinewidth=0.7, alpha=0.75,
+                place, values[:, 0], yerr=_errors(values), fmt=marker + "-",
+                color=colour, ms=4, lw=0.8, elinewidth=0.7, alpha=0.75,
                 label=name if len(people) <= 8 else None,
             )  # fmt: skip
         means = _table([one.mean for one in groups.values()]) * factor

@@ -71,7 +71,7 @@ def methods_text(
         Of all conditions.
     options : AnalysisOptions
     """
-    parts = [" ".join(_participants(results, len(designs)))]
+    parts = [" ".join(_participants(results, tuple(designs)))]
     texts: dict[str, list[str]] = {}
     for name, design in designs.items():
         texts.setdefault(" ".join(_procedure(design)), []).append(name)
@@ -85,14 +85,18 @@ def methods_text(
     return f"{text}\n\n## References\n\n" + "\n".join(f"- {entry}" for entry in cited) + "\n"
 
 
-def _participants(results: Sequence[SessionResult], conditions: int) -> Iterator[str]:
+def _participants(results: Sequence[SessionResult], conditions: tuple[str, ...]) -> Iterator[str]:
     from asperity import __version__
 
     people = len({result.participant for result in results})
     yield (
         f"{people} participant{'s' if people > 1 else ''} took part in "
         f"{len(results)} session{'s' if len(results) > 1 else ''}"
-        + (f", each in {conditions} conditions." if conditions > 1 else ".")
+        + (
+            f", each in {len(conditions)} conditions ({', '.join(conditions)})."
+            if len(conditions) > 1
+            else "."
+        )
     )
     broken = sum(not result.complete for result in results)
     if broken:

@@ -35,15 +35,16 @@ def stability_figure(result: Stability, title: str, stiffness: float) -> Figure:
             axis.vlines(dampings, result.textured[i], result.median[i], color=colour, lw=0.5)
         axis.axhline(stiffness, color="0.4", lw=0.8, ls=":")
         axis.annotate(
-            f"the scene's, {stiffness:g} N/m", (dampings[-1], stiffness), (0, 3),
-            textcoords="offset points", fontsize=SMALLEST, color="0.35", ha="right",
+            f"the scene's, {stiffness:g} N/m", (dampings[0], stiffness), (0, 3),
+            textcoords="offset points", fontsize=SMALLEST, color="0.35",
         )  # fmt: skip
         log_scale(axis)
         axis.set_xlabel("damping of device and hand [N s/m]")
         axis.set_ylabel("largest stable stiffness [N/m]")
         axis.set_title(f"{title}: below its mark a stiffness is stable")
-        rates = axis.legend(title="tick rate", loc="upper left")
-        axis.add_artist(rates)
+        rates = [line for line in axis.get_lines() if not str(line.get_label()).startswith("_")]
+        # Beside the chart: within, they would hide marks of some scene.
+        figure.legend(handles=rates, title="tick rate", loc="outside right upper")
         grey: dict[str, Any] = {"color": "0.3", "ms": 5.5, "mew": 0.9}
         kinds = [
             Line2D([], [], ls="--", label="Colgate's bound, 2 damping x rate", **grey),
@@ -51,5 +52,5 @@ def stability_figure(result: Stability, title: str, stiffness: float) -> Figure:
             Line2D([], [], ls="-", lw=0.5, marker="o", mfc="none",
                    label="textured: median, and worst place", **grey),
         ]  # fmt: skip
-        axis.legend(handles=kinds, loc="lower right")
+        figure.legend(handles=kinds, loc="outside lower center", ncols=3)
     return figure
