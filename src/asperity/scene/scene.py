@@ -114,8 +114,7 @@ class Scene:
     notes : tuple of str
         Choices and changes made while meshes and textures were read.
     skin : SoftSkin or None
-        Elastic layer on the tool, which then meets the other bodies; or on the one body that the
-        rigid tool meets.
+        Elastic layer on the tool, or on the one body that a rigid tool meets.
     """
 
     name: str

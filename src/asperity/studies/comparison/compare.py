@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
-from asperity.runs.figures import force_spectrum
+from asperity.runs.figures import across_mean, force_spectrum
 from asperity.scene.scene import Scene
 from asperity.scene.skin import require_rigid
 from asperity.scene.trajectory import ScriptedMotion, Trajectory, at_ticks
@@ -94,11 +94,12 @@ class Rendered(NamedTuple):
 
     @property
     def band_rms(self) -> float:
-        """RMS of the tangential force between 20 and 200 Hz [N]."""
+        """RMS of the tangential force between 20 and 200 Hz, at most its RMS change [N]."""
         f = self.spectrum.frequency
         inside = (f >= BAND[0]) & (f <= BAND[1])
-        # A Hann window spreads the power of a sine over 1.5 lines.
-        return float(np.sqrt((self.spectrum.amplitude[inside] ** 2).sum() / 2.0 / 1.5))
+        # Without a window, by Parseval: a part of `tangential`, to the last digit.
+        parts = np.fft.rfft(across_mean(self.run.force), axis=0)[inside]
+        return float(np.sqrt(2.0 * (np.abs(parts) ** 2).sum()) / len(self.run.force))
 
     @property
     def mean_tangential(self) -> float:
@@ -205,23 +206,23 @@ def _row(
     reference: Renderer, progress: Callable[[str, int], None],
 ) -> MethodResult:  # fmt: skip
     """Run one method and measure claims about it."""
-    progress(f"{method.label}: preparing", 0)
+    progress(f"preparing {method.label}", 0)
     claims = None
     if settings.claims is None and METHODS.get(method.name) is method:
         claims = stored_claims().get(method.name)
     elif settings.claims is None or settings.claims:
-        step = _counter(progress, f"{method.label}: claims", STEPS)
+        step = _counter(progress, f"claims of {method.label}", STEPS)
         names = settings.claims or tuple(CLAIMS)
         claims = measure_claims(method, names, seconds=_CLAIM_SECONDS, on_step=step)
     failed = MethodResult(method, method.can(scene), None, claims)
     if failed.reason is not None:
         return failed
-    tick = _counter(progress, f"{method.label}: ticks", len(poses), every=50)
+    tick = _counter(progress, f"ticks of {method.label}", len(poses), every=50)
     begun = time.perf_counter()
     try:
         renderer = method.prepare(scene, dt=settings.dt)
         preparing = time.perf_counter() - begun
-        progress(f"{method.label}: pressing", 0)
+        progress(f"pressing {method.label}", 0)
         drive.refuse_slow(renderer, poses, settings.budget)
         height = 0.0 if method is REFERENCE else drive.find_pressing_height(renderer, poses, push)
         # Right before the run: preparing may take minutes, in which the machine's speed changes.
