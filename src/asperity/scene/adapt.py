@@ -146,8 +146,8 @@ def _only_free(model: mujoco.MjModel) -> int:
         names = ", ".join(repr(model.body(int(i)).name) for i in free[:8]) or "none"
         raise AsperityError(
             f"bodies with a freejoint: {names}; valid: one, which is the tool, or a scene.toml "
-            "with [tool] body = NAME. A model that moves by its own joints is for asperity.mujoco and "
-            "asperity view MODEL --simulate"
+            "with [tool] body = NAME. A model that moves by its own joints is for asperity.mujoco, "
+            "and for asperity view MODEL --simulate"
         )
     return int(free[0])
 
