@@ -8,7 +8,9 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.image import imsave
+from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity._core.output import result_folder
 from asperity.drawing.figure_style import PAGE_WIDTH, save, style
 from asperity.errors import AsperityError
@@ -92,13 +94,19 @@ def pressure_images(
         largest = max(float(fields.pressure.max(initial=0.0)), 1e-9)
     elif not largest > 0.0:
         raise AsperityError(f"largest must be above 0 Pa, got {largest!r}")
-    colours = colormaps[_MAP]
     with result_folder(Path(folder), overwrite=overwrite) as fresh:
         for i, pressure in enumerate(fields.pressure):
-            image = colours(np.clip(pressure[::-1] / largest, 0.0, 1.0))
-            big = image.repeat(_ENLARGED, axis=0).repeat(_ENLARGED, axis=1)
-            imsave(fresh / f"{i:04d}.png", big)
+            imsave(fresh / f"{i:04d}.png", pressure_image(pressure, largest))
     return len(fields.time)
+
+
+def pressure_image(pressure: Array, largest: float) -> NDArray[np.uint8]:
+    """Return an image (4 rows, 4 columns, 3) of a pressure (rows, columns); rows go upwards.
+
+    Black where there is none, light at `largest` [Pa].
+    """
+    image = colormaps[_MAP](np.clip(pressure[::-1] / largest, 0.0, 1.0), bytes=True)[..., :3]
+    return np.asarray(image.repeat(_ENLARGED, axis=0).repeat(_ENLARGED, axis=1))
 
 
 def write_pressure(folder: Path, name: str) -> None:
