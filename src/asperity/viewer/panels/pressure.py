@@ -1,8 +1,7 @@
 """The pressure on a soft skin as a coloured map, of scenes that have one.
 
 The loop passes on where the tool is, not the pressure of thousands of taxels. It follows from the
-pose, so the page computes it, in a thread of its own: with all of the skin's energy, and without
-the friction, which depends on the motion.
+pose, so the page computes it, in a thread: without the friction, which depends on the motion.
 """
 
 from __future__ import annotations
@@ -68,7 +67,7 @@ class PressurePanel(Panel):
     def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the map, hidden."""
         self._server, self._servo = server, servo
-        black = np.zeros((64, 64, 3), np.uint8)
+        black = np.zeros((256, 256, 3), np.uint8)
         self._image: Any = server.gui.add_image(black, label="pressure on the skin", visible=False)
         self._text: Any = server.gui.add_markdown("", visible=False)
 
