@@ -10,7 +10,10 @@ import pytest
 # The test processes already share what they compile; helpers would only crowd the cores.
 os.environ.setdefault("ASPERITY_COMPILE_HELPERS", "0")
 
-_WAITING = ("cli/test_devices.py", "psychophysics/", "viewer/", "realtime/", "studies/sweeps/")
+_WAITING = (
+    "cli/test_devices.py", "cli/test_json.py", "psychophysics/", "viewer/", "realtime/",
+    "studies/sweeps/",
+)  # fmt: skip
 """Tests that wait for threads and processes beside them, or for a browser."""
 _DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

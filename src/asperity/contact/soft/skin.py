@@ -244,6 +244,8 @@ class SoftSkin:
 
 def _blocks(points: Array, thickness: Array) -> Array:
     """Return a ball round the rays of each `BLOCK` points (n, 3): middle, radius [m], (m, 4)."""
+    if not len(points):
+        return np.zeros((0, 4))
     parts = np.split(points, range(BLOCK, len(points), BLOCK))
     out = np.empty((len(parts), 4))
     for row, part in zip(out, parts, strict=True):

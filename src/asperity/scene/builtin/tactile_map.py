@@ -23,6 +23,9 @@ def tactile_map() -> Scene:
         light="0.1 -0.2 0.4", assets="", bodies=_PLATE + FINGER.format(height=0.0077),
     )  # fmt: skip
     plate = {
-        "texture": {"kind": "tactile_map", "height": 5e-4, "offset": [-0.03, -0.02]},
-    }
+        "texture": {
+            "kind": "tactile_map", "height": 5e-4, "scale": 1.0, "line": 1.2e-3,
+            "pixel_size": 1e-4, "offset": [-0.03, -0.02],
+        },
+    }  # fmt: skip
     return scene_of(xml, with_finger(plate, length=0.04), name="tactile-map")

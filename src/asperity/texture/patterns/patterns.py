@@ -238,7 +238,7 @@ _PATTERNS: tuple[tuple[Callable[..., HeightField], dict[str, Any]], ...] = (
     (jittered_dots, {"pitch": 2e-3, "height": 4e-4, "diameter": 8e-4}),
     (cross_cut, {"pitch": 1e-3, "height": 2e-4}),
     (knurl, {"pitch": 1.5e-3, "height": 3e-4}),
-    (tactile_map, {"height": 5e-4}),
+    (tactile_map, {"height": 5e-4, "scale": 1.0, "line": 1.2e-3, "pixel_size": 1e-4}),
     (
         brushed,
         {"size": 0.0128, "pixel_size": 5e-5, "rms": 4e-6, "length": 2e-3, "width": 3.2e-4},
