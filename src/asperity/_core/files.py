@@ -96,7 +96,7 @@ def text_of(data: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def beside(folder: Path, name: str) -> Path:
+def find_named(folder: Path, name: str) -> Path:
     """Return the path of a file that another one in `folder` names, possibly on another computer.
 
     It is there as it is named, or with backslashes as slashes, in another case, or without the

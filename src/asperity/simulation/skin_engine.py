@@ -34,6 +34,7 @@ class SkinEngine:
         poses = {name: np.concatenate([at.xpos, at.xquat]) for name, at in places.items()}
         self.centre = np.array(scene.model.body(scene.tool).ipos)
         self._home = poses[skin.body.name]
+        self._turn = rotation_of(self._home[3:])
         self.skin = SkinContact(
             skin, met, [poses[body.name] for body in met], centre=self.centre.tolist()
         )
@@ -63,9 +64,7 @@ class SkinEngine:
             wrench = self.skin.wrench(pose, twist)
         else:  # the same contact, seen from the tool: equal and opposite
             self.skin.place([pose])
-            centre = rotation_of(self._home[3:]).T @ (
-                centre_of_mass(pose, self.centre) - self._home[:3]
-            )
+            centre = (centre_of_mass(pose, self.centre) - self._home[:3]) @ self._turn
             wrench = -self.skin.wrench(self._home, -twist, about=centre)
         self._sum_up(wrench)
         return wrench

@@ -29,7 +29,7 @@ def geom_pairs(scene: SceneModel, pairs: NDArray[np.int32]) -> GeomPairs:
     """Return the pairs (n, 2) of a scene's geoms, with what a query of them needs."""
     geometry = scene.geometry
     radius = np.array(
-        [_radius(KINDS[k], *s) for k, s in zip(geometry.kind, geometry.size, strict=True)]
+        [radius_around(KINDS[k], *s) for k, s in zip(geometry.kind, geometry.size, strict=True)]
     )
     which = geometry.texture[geometry.surface]
     for g in np.flatnonzero(which >= 0).tolist():
@@ -37,7 +37,7 @@ def geom_pairs(scene: SceneModel, pairs: NDArray[np.int32]) -> GeomPairs:
     return GeomPairs(pairs, radius)
 
 
-def _radius(kind: str, a: float, b: float, c: float) -> float:
+def radius_around(kind: str, a: float, b: float, c: float) -> float:
     """Return the radius of a sphere round a geom of MuJoCo's sizes [m]; 0 for a plane."""
     by_kind = {
         "plane": 0.0, "sphere": a, "capsule": a + b, "ellipsoid": max(a, b, c),

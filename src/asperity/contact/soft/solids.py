@@ -9,17 +9,9 @@ from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
 from asperity.contact.body_arrays import Geometry, flatten_bodies
-from asperity.contact.soft.sheets import (
-    BOX,
-    CAPSULE,
-    CYLINDER,
-    ELLIPSOID,
-    PLANE,
-    REACH,
-    SPHERE,
-    Solids,
-)
-from asperity.geometry.bodies import MAPPINGS, Body
+from asperity.contact.broad_phase.geom_pairs import radius_around
+from asperity.contact.soft.sheets import BOX, PLANE, REACH, Solids
+from asperity.geometry.bodies import KINDS, MAPPINGS, Body
 from asperity.geometry.poses import rotation_of
 from asperity.texture.packed import PackedTextures
 
@@ -63,14 +55,11 @@ def _reach(textures: PackedTextures, geometry: Geometry) -> NDArray[np.void]:
 
 def _bound(geometry: Geometry, reach: NDArray[np.void]) -> Array:
     """Return the radius of a ball round each geom's middle [m]; infinite for planes."""
-    size = geometry.size
-    inside = {
-        SPHERE: size[:, 0], CAPSULE: size[:, 0] + size[:, 1], ELLIPSOID: size.max(axis=1),
-        CYLINDER: np.hypot(size[:, 0], size[:, 1]), BOX: np.linalg.norm(size, axis=1),
-    }  # fmt: skip
-    out = np.full(len(geometry.kind), np.inf)
-    for kind, radius in inside.items():
-        out[geometry.kind == kind] = radius[geometry.kind == kind]
+    kinds, sizes = (KINDS[kind] for kind in geometry.kind), geometry.size.tolist()
+    out = np.array([
+        np.inf if kind == "plane" else radius_around(kind, *size)
+        for kind, size in zip(kinds, sizes, strict=True)
+    ])  # fmt: skip
     # The faces of a box go on until they meet: its corners are raised along three of them.
     return out + np.sqrt(3.0) * reach["highest"]
 

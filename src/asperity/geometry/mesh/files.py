@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
-from asperity._core.files import beside, reading, text_of
+from asperity._core.files import find_named, reading, text_of
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import UNITS, Corners, check_size, count_of, extents_of
 from asperity.geometry.mesh.contents import Contents, FilePart, coarse_note
@@ -140,7 +140,7 @@ def companions(path: Path) -> list[Path]:
             text = text_of(path.read_bytes())
             lines = re.findall(r"^\s*mtllib\s+(.+?)\s*$", text, flags=re.MULTILINE)
             names = [name for line in lines for name in library_names(path.parent, line)]
-            named = [beside(path.parent, name) for name in names]
+            named = [find_named(path.parent, name) for name in names]
     except (AsperityError, OSError):
         return []
     below = [file for file in named if file.is_file() and ".." not in file.parts]

@@ -17,7 +17,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.files import beside, text_of
+from asperity._core.files import find_named, text_of
 from asperity.errors import AsperityError
 
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -216,7 +216,7 @@ class GltfFile:
     def beside(self, uri: str) -> Path:
         """Return the path of a file that a URI names, which may be percent-encoded."""
         exact = self.path.parent / uri
-        return exact if exact.is_file() else beside(self.path.parent, unquote(uri))
+        return exact if exact.is_file() else find_named(self.path.parent, unquote(uri))
 
     def files(self) -> list[Path]:
         """Return the paths of the buffers and images that have files."""

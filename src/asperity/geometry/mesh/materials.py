@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from asperity._core.files import beside, text_of
+from asperity._core.files import find_named, text_of
 from asperity._core.text_table import is_number
 from asperity.errors import require_between
 
@@ -159,7 +159,7 @@ def _with_map(material: Material, kind: str, rest: str, library: Path) -> Materi
     for _ in range(at):
         name = name.split(None, 1)[1]
     name = name.strip().strip('"')
-    path = beside(library.parent, name)
+    path = find_named(library.parent, name)
     behind = _BEHIND.search(name)
     if behind is not None and not path.is_file():  # options and comments behind it
         options = behind.group().strip()

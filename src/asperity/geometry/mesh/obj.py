@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
-from asperity._core.files import beside, columns_of, text_of
+from asperity._core.files import columns_of, find_named, text_of
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
 from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit, triangulated
@@ -117,7 +117,7 @@ def _materials(
     for line in libraries:
         # A name may contain spaces; several files may stand in one line.
         for name in library_names(path.parent, line):
-            library = beside(path.parent, name)
+            library = find_named(path.parent, name)
             if not library.is_file():
                 out.notes.append(f"its material library {name} is not there")
                 continue
@@ -133,7 +133,7 @@ def _materials(
 def library_names(folder: Path, line: str) -> list[str]:
     """Return the names of material libraries that stand behind mtllib."""
     for whole in (line.strip().strip('"'), line.partition(" #")[0].strip().strip('"')):
-        if beside(folder, whole).is_file():
+        if find_named(folder, whole).is_file():
             return [whole]
     return [word.strip('"') for word in line.partition(" #")[0].split()]
 

@@ -15,12 +15,17 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from asperity._core.arrays import Array, Mask
-from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners
 from asperity.geometry.mesh.contents import Contents, FilePart
 from asperity.geometry.mesh.gltf import placed
 from asperity.geometry.mesh.materials import MapImage, Material
-from asperity.geometry.mesh.threemf_model import Look, ModelPart, ObjectPlace, PropertyGroup
+from asperity.geometry.mesh.threemf_model import (
+    Look,
+    ModelPart,
+    ObjectPlace,
+    PropertyGroup,
+    refused,
+)
 
 _UNITS = {
     "micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "foot": "ft",
@@ -82,16 +87,15 @@ class _Reader:
         if text not in self.out.notes:
             self.out.notes.append(text)
 
-    def _refused(self, reason: str) -> AsperityError:
-        return AsperityError(f"{self.path}: cannot be read as a .3mf file: {reason}")
-
     def _read(self, name: str) -> bytes | None:
         """Return the content of a part of the archive, None if it is not there."""
         info = self.names.get(name.lower().strip("/"))
         if info is None:
             return None
         if info.file_size > _MOST_BYTES:
-            raise self._refused(f"{name} has {info.file_size} bytes; valid: at most {_MOST_BYTES}")
+            raise refused(
+                self.path, f"{name} has {info.file_size} bytes; valid: at most {_MOST_BYTES}"
+            )
         return self.archive.read(info)
 
     def _root(self) -> str:
@@ -105,7 +109,7 @@ class _Reader:
             return _ROOT
         found = [name for name in self.names if name.endswith(".model")]
         if len(found) != 1:
-            raise self._refused(f"there is no {_ROOT} in it")
+            raise refused(self.path, f"there is no {_ROOT} in it")
         return found[0]
 
     def model(self, name: str) -> ModelPart:
@@ -114,7 +118,7 @@ class _Reader:
         if key not in self.models:
             data = self._read(name)
             if data is None:
-                raise self._refused(f"its part {name[:80]} is not there")
+                raise refused(self.path, f"its part {name[:80]} is not there")
             self.models[key] = ModelPart(self.path, data)
         return self.models[key]
 

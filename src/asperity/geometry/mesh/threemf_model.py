@@ -22,6 +22,11 @@ _CORNERS = ("v1", "v2", "v3")
 _AXES = ("x", "y", "z")
 
 
+def refused(path: Path, reason: str) -> AsperityError:
+    """Return the error that states why a 3MF file cannot be read."""
+    return AsperityError(f"{path}: cannot be read as a .3mf file: {reason}")
+
+
 class ObjectPlace(NamedTuple):
     """An object that a component or an item of the build places.
 
@@ -216,7 +221,7 @@ class ModelPart:
 
     def refused(self, reason: str) -> AsperityError:
         """Return the error that states why the file cannot be read."""
-        return AsperityError(f"{self.path}: cannot be read as a .3mf file: {reason}")
+        return refused(self.path, reason)
 
     def numbers(self, what: str, words: Sequence[str]) -> Array:
         """Return words as finite numbers."""

@@ -17,6 +17,7 @@ Sizes and properties, each with how sure it is:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from asperity.scene.mjcf import MODEL
@@ -34,42 +35,53 @@ DOTS: dict[str, Any] = {
     "seed": 0,
 }  # fmt: skip
 """Raised dots of the plate."""
-FINGER = """    <body name="finger" pos="-0.02 0 {height:.9g}">
+_NOTE = """The tool's frame is the middle of the pad. Its soft skin, textures, force and the
+       default motion are in scene.toml."""
+_BODIES = """    <body name="plate" pos="0 0 -{half:.9g}">
+      <geom name="slab" type="box" size="{length:.9g} 0.02 {half:.9g}" rgba="{colour} 1"/>
+    </body>
+    <body name="finger" pos="-0.02 0 {height:.9g}">
       <freejoint name="hand"/>
       <geom name="pad" type="ellipsoid" size="0.010 0.008 0.007" mass="0.006"
             rgba="0.86 0.68 0.58 1"/>
       <geom name="phalanx" type="capsule" fromto="-0.004 0 0.002 -0.034 0 0.014" size="0.0065"
             mass="0.014" rgba="0.86 0.68 0.58 1"/>
     </body>"""
-"""The body; `height` is that of the middle of the pad, which is 7 mm above its lowest point [m]."""
-NOTE = """The tool's frame is the middle of the pad. Its soft skin, textures, force and the
-       default motion are in scene.toml."""
-_PLATE = """    <body name="plate" pos="0 0 -0.004">
-      <geom name="slab" type="box" size="0.05 0.02 0.004" rgba="0.80 0.74 0.63 1"/>
-    </body>
-"""
 
 
 def finger_plate() -> Scene:
     """Return the scene of a soft fingertip on a plate with raised dots."""
-    xml = MODEL.format(
-        name="finger-plate", note=NOTE, compiler="", extent=0.08, centre="0 0 0.01",
-        light="0.1 -0.2 0.4", assets="", bodies=_PLATE + FINGER.format(height=0.0075),
-    )  # fmt: skip
-    return scene_of(xml, with_finger({"texture": dict(DOTS)}), name="finger-plate")
+    plate = {"length": 0.05, "half": 0.004, "colour": "0.80 0.74 0.63", "height": 0.0075}
+    return finger_on("finger-plate", plate, DOTS, length=0.02)
 
 
-def with_finger(plate: dict[str, Any], **motion: Any) -> dict[str, Any]:
-    """Return the document of a scene of the finger on a body `plate`.
+def finger_on(
+    name: str, plate: Mapping[str, Any], texture: Mapping[str, Any], *, length: float
+) -> Scene:
+    """Return a scene of the finger that slides to and fro on a textured plate.
 
-    It slides over it to and fro; `motion` changes keys of the trajectory.
+    Parameters
+    ----------
+    name : str
+    plate : mapping
+        `length` and `half` of the plate: half its length, half its thickness [m]; its `colour`; and
+        `height`, that of the middle of the pad, which is 7 mm above its lowest point [m].
+    texture : mapping
+        Contents of `[bodies.plate.texture]`.
+    length : float
+        Of the slide [m].
     """
-    return {
+    xml = MODEL.format(
+        name=name, note=_NOTE, compiler="", extent=0.08, centre="0 0 0.01", light="0.1 -0.2 0.4",
+        assets="", bodies=_BODIES.format(**plate),
+    )  # fmt: skip
+    document = {
         "schema": 1,
         "tool": {"body": "finger", "skin": dict(SKIN)},
-        "bodies": {"plate": plate, "finger": {"texture": dict(RIDGES)}},
+        "bodies": {"plate": {"texture": dict(texture)}, "finger": {"texture": dict(RIDGES)}},
         "coupling": {"mode": "implicit"},
         "trajectory": {
-            "kind": "slide", "seconds": 1.0, "speed": 0.04, "length": 0.02, "press_force": 0.6,
-        } | motion,
+            "kind": "slide", "seconds": 1.0, "speed": 0.04, "length": length, "press_force": 0.6,
+        },
     }  # fmt: skip
+    return scene_of(xml, document, name=name)

@@ -34,7 +34,7 @@ _NOTE = """The tool's frame is the centre of its tip. The soft skin, textures an
 _BODIES = """    <body name="{name}" pos="0 0 {low:.9g}">
       <geom name="block" type="box" size="{length:.9g} {width:.9g} {half:.9g}" rgba="{colour} 1"/>
     </body>
-    <body name="probe" pos="{start:.9g} 0 {height:.9g}">
+    <body name="probe" pos="{start} {radius:.9g}">
       <freejoint name="hand"/>
       <geom name="tip" type="sphere" size="{radius:.9g}" mass="0.003" rgba="0.42 0.55 0.72 1"/>
       <geom name="grip" type="capsule" fromto="0 0 {radius:.9g} 0 0 0.1" size="0.004"
@@ -46,7 +46,7 @@ def sponge() -> Scene:
     """Return the scene of a ball on a stem that is rubbed over a textured sponge."""
     bodies = _BODIES.format(
         name="sponge", low=-0.01, length=0.03, width=0.02, half=0.01, colour="0.95 0.80 0.35",
-        start=-0.015, radius=0.006, height=0.006,
+        start="-0.015 0", radius=0.006,
     )  # fmt: skip
     return _scene("sponge", "sponge", bodies, SPONGE, PORES, {"length": 0.03})
 
@@ -55,8 +55,8 @@ def palpation() -> Scene:
     """Return the scene of soft skin that hides a stiff lump, and a probe that passes over it."""
     bodies = _BODIES.format(
         name="tissue", low=-0.01, length=0.04, width=0.03, half=0.01, colour="0.87 0.66 0.58",
-        start=-0.02, radius=0.006, height=0.006,
-    ).replace('pos="-0.02 0 ', 'pos="-0.013 0.006 ')  # fmt: skip
+        start="-0.013 0.006", radius=0.006,
+    )  # fmt: skip
     return _scene("palpation", "tissue", bodies, TISSUE, CREASES, {"length": 0.04})
 
 
