@@ -16,9 +16,10 @@ _OFTEN = (0.0, -1.0, -99.0, -999.0, -9999.0, 9999.0, -32767.0, -32768.0, 65535.0
 """Numbers that stand for missing values."""
 _FAR, _OFTEN_FAR = 10.0, 2.0
 """Distance from all others, in their range, from which a value is suspected."""
-_LOOKED_AT = 4000
-"""Values of a map that are looked at first."""
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+# Multiples of the golden ratio meet all columns, which even steps through the rows do not.
+_PLACES = np.arange(4000) * (0.5 * (np.sqrt(5.0) - 1.0)) % 1.0
+_FEW_PLACES = _PLACES[:200]
+"""Places of a map, as parts of its length, that are looked at first."""
 DOUBT = "is that plausible?"
 """How a note that doubts a scale begins."""
 _STEEPEST = 30.0
@@ -78,12 +79,11 @@ def sentinel_note(values: Array, low: float, high: float) -> str | None:
     low, high : float
         Least and largest of them; NaN if some are missing.
     """
-    # Multiples of the golden ratio meet all columns, which even steps through the rows do not.
-    places = (np.arange(_LOOKED_AT) * _GOLDEN % 1.0 * values.size).astype(np.int64)
-    some = values.ravel()[places]
-    inner = some[(some > low) & (some < high)]
-    if inner.size > 1 and (_OFTEN_FAR + 1.0) * float(np.ptp(inner)) > high - low:
-        return None  # most maps: their values fill their range
+    for places in (_FEW_PLACES, _PLACES):
+        some = values.ravel()[(places * values.size).astype(np.int64)]
+        inner = some[(some > low) & (some < high)]
+        if inner.size > 1 and (_OFTEN_FAR + 1.0) * float(np.ptp(inner)) > high - low:
+            return None  # most maps: their values fill their range
     finite = values if np.isfinite(low + high) else values[np.isfinite(values)]
     if finite.size < 16:
         return None

@@ -37,8 +37,6 @@ from asperity.texture.files.text import load_text
 TEXT_SUFFIXES = ARRAY_SUFFIXES[2:]
 _EITHER = (".asc", ".dat", ".xyz")
 """Suffixes of text and of instruments' files."""
-_AT_ONCE = 2**16
-"""Samples that are converted together."""
 _NEVER = 1e30
 """Programs write larger numbers only for what is missing."""
 PACKED = (*TEXT_SUFFIXES, *_EITHER)
@@ -290,15 +288,8 @@ def _shaped(path: Path, stored: NDArray[Any]) -> tuple[Array, float, float]:
     source = np.squeeze(stored)
     if source.size < 2:
         refuse(path, f"heights need 2 samples or more along each axis, got {stored.shape}")
-    values, extremes = np.empty(source.shape), []
-    # Some rows at a time, so that what is looked for stays in a processor's cache.
-    rows = max(1, _AT_ONCE * len(source) // source.size)
-    for first in range(0, len(source), rows):
-        part = values[first : first + rows]
-        part[...] = source[first : first + rows]
-        extremes.append((part.min(), part.max()))
-    lowest, highest = zip(*extremes, strict=True)
-    return values, float(np.min(lowest)), float(np.max(highest))
+    values = np.array(source, dtype=np.float64, order="C")
+    return values, float(values.min()), float(values.max())
 
 
 def _pixel_size(
