@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from asperity.contact.response.settings import LAWS
 from asperity.errors import AsperityError
@@ -101,3 +102,17 @@ def test_laws_are_named_and_meshes_have_one(plate):
     assert made.scene.coupling.mode == "implicit"
     with pytest.raises(AsperityError, match="unknown force law"):
         with_method(made, "Minsky 1995")
+
+
+def test_a_file_is_in_the_unit_that_it_states_else_in_mm(plate, tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.01)
+    ball.export(tmp_path / "metres.glb")
+    ball.apply_scale(1e3)
+    ball.export(tmp_path / "mm.stl")
+    files = [{"file": str(tmp_path / name)} for name in ("metres.glb", "mm.stl")]
+    made = with_meshes(plate, *files).scene
+    for body in made.bodies:
+        extent = np.ptp(body.mesh.vertices, axis=0).max()
+        assert extent == pytest.approx(0.02, rel=1e-3), body.name
+    made = with_meshes(plate, *(files[:1] * 2), unit="cm").scene
+    assert np.ptp(made.bodies[0].mesh.vertices, axis=0).max() == pytest.approx(2e-4, rel=1e-3)

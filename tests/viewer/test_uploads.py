@@ -3,6 +3,7 @@
 import io
 import json
 import struct
+import zipfile
 
 import numpy as np
 import pytest
@@ -42,6 +43,23 @@ def glb(tree):
 
 def stl(count, said=None):
     return bytes(80) + struct.pack("<I", count if said is None else said) + bytes(50 * count)
+
+
+def threemf(count, places=1):
+    """Return a 3MF of one solid of `count` equal triangles, placed so many times."""
+    vertices = "".join(f'<vertex x="{x}" y="{y}" z="0"/>' for x, y in ((0, 0), (9, 0), (0, 9)))
+    model = (
+        '<model xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>'
+        f'<object id="1"><mesh><vertices>{vertices}</vertices><triangles>'
+        + '<triangle v1="0" v2="1" v3="2"/>' * count
+        + "</triangles></mesh></object></resources><build>"
+        + '<item objectid="1"/>' * places
+        + "</build></model>"
+    )
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("3D/3dmodel.model", model)
+    return file.getvalue()
 
 
 def test_an_image_is_kept_under_a_name_of_our_own(kept):
@@ -90,7 +108,13 @@ def test_too_many_bytes_are_refused(kept, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "content", "why"),
     [
-        ("a.gltf", b"{}", r"is no mesh; valid: \.stl, \.obj, \.ply, \.glb"),
+        ("a.gltx", b"{}", r"is no mesh; valid: \.stl, \.obj, \.ply, \.glb, \.gltf, \.3mf"),
+        ("a.gltf", b"{", "is not a .gltf file"),
+        ("a.gltf", b'{"buffers": [{"uri": "a.bin"}]}', "refers to other files"),
+        ("a.3mf", b"PK", "is not a .3mf file"),
+        ("a.3mf", threemf(200_001), "200001 triangles"),
+        ("a.3mf", threemf(12, places=20_000), "240000 triangles"),
+        ("a.3mf", threemf(0), r"^a\.3mf.*"),
         ("a.stl", stl(1, said=10**9), "1000000000 triangles; valid: 200000 at most"),
         ("a.obj", b"f 1 2 3\n" * 200_001, "200001 triangles"),
         ("a.ply", b"ply\nelement face 999999\nend_header\n", "999999 triangles"),
@@ -100,8 +124,17 @@ def test_too_many_bytes_are_refused(kept, monkeypatch):
     ],
 )
 def test_what_is_no_mesh_is_refused_in_one_line(kept, name, content, why):
-    with pytest.raises(AsperityError, match=why):
+    with pytest.raises(AsperityError, match=why) as caught:
         kept.mesh(name, content)
+    assert str(kept._folder) not in str(caught.value)
+    assert list(kept._folder.iterdir()) == []
+
+
+def test_an_archive_is_bounded_by_its_unpacked_size(kept, monkeypatch):
+    monkeypatch.setattr(uploads, "MAX_UNPACKED", 2**20)
+    with pytest.raises(AsperityError, match=r"a\.3mf has 3 MB unpacked; valid: 1 MB"):
+        kept.mesh("a.3mf", threemf(100_000))
+    assert kept.mesh("b.3mf", threemf(8)).suffix == ".3mf"
 
 
 def test_a_mesh_is_counted_by_what_it_says(kept):

@@ -12,6 +12,7 @@ from typing import Any
 
 from asperity.contact.response.settings import LAW_LABELS
 from asperity.errors import AsperityError, require_between, require_choice
+from asperity.geometry.mesh.files import read_contents
 from asperity.realtime.devices.catalogue import entry_of, is_installed
 from asperity.scene.builtin import load_scene
 from asperity.scene.document import PLACING
@@ -209,14 +210,21 @@ def with_texture(
 
 
 def with_meshes(
-    config: SessionConfig, tool: Mapping[str, Any], target: Mapping[str, Any], unit: str = "mm"
+    config: SessionConfig,
+    tool: Mapping[str, Any],
+    target: Mapping[str, Any],
+    unit: str | None = None,
 ) -> SessionConfig:
     """Return a session with a scene of two meshes, from files or built in; see `make_scene`.
 
-    A built-in mesh without sizes gets those of `MESH_SIZES`.
+    A built-in mesh without sizes gets those of `MESH_SIZES`. Without `unit` a file is in the unit
+    that it states, else in mm.
     """
-    tool, target = (
-        MESH_SIZES.get(table.get("kind", ""), {}) | dict(table) for table in (tool, target)
-    )
-    scene = make_scene(tool=tool, target=target, unit=unit)
+    tables = []
+    for table in (tool, target):
+        made = MESH_SIZES.get(table.get("kind", ""), {}) | dict(table)
+        if "file" in made:
+            made["unit"] = unit or read_contents(Path(made["file"])).unit or "mm"
+        tables.append(made)
+    scene = make_scene(tool=tables[0], target=tables[1])
     return replace(config, scene=on_coupling(scene), source="")

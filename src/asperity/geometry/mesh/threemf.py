@@ -40,6 +40,7 @@ _VOLUMES = ("modelpart", "normal_part", "")
 _CONFIGS = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
 """Of PrusaSlicer, and of Bambu Studio and OrcaSlicer."""
 _DEEPEST, _MOST_PARTS, _MOST_BYTES = 100, 100_000, 2**31
+_MOST_TRIANGLES = 10_000_000
 
 
 def read_3mf(path: Path) -> Contents:
@@ -58,7 +59,7 @@ class _Reader:
         self.models: dict[str, ModelPart] = {}
         self.parts: dict[tuple[str, str], list[FilePart]] = {}
         self.materials: dict[tuple[str, str, int], int] = {}
-        self.places = 0
+        self.places, self.triangles = 0, 0
         self.volumes = self._volumes()
 
     def contents(self) -> Contents:
@@ -139,6 +140,9 @@ class _Reader:
         key = (name.lower().strip("/"), place.number)
         if key not in self.parts:
             self.parts[key] = list(self._parts(name, place.number))
+        self.triangles += sum(len(part.corners.faces) for part in self.parts[key])
+        if self.triangles > _MOST_TRIANGLES:
+            raise model.refused(f"it places more than {_MOST_TRIANGLES} triangles")
         self.out.parts += [
             part._replace(corners=placed(part.corners, transform)) for part in self.parts[key]
         ]

@@ -26,11 +26,12 @@ from asperity.viewer.drawables.colours import css_gradient
 from asperity.viewer.notify import attempt, from_browser
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.panels.scene_view import SceneView
-from asperity.viewer.server.uploads import Uploads
+from asperity.viewer.server.uploads import IMAGE_SUFFIXES, MESH_SUFFIXES, Uploads
 from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.surfaces import SURFACES
 
 FILE = "the file below"
+STATED = "as stated, else mm"
 _PLAIN_PIXEL, _PLAIN_RELIEF = 5e-5, 2e-4
 """Initial pixel size and relief of an uploaded image [m]; project defaults."""
 
@@ -78,7 +79,7 @@ class TexturesPanel(Panel):
             )  # fmt: skip
             self._drop = gui.add_upload_button(
                 "Image or array of heights", icon="upload",
-                mime_type=".png,.jpg,.jpeg,.tif,.tiff,.npy",
+                mime_type=",".join(IMAGE_SUFFIXES),
             )  # fmt: skip
             self._apply = gui.add_button("Apply", color="green")
         with gui.add_folder("Meshes of your own", expand_by_default=False):
@@ -86,10 +87,10 @@ class TexturesPanel(Panel):
             for which, kind in (("tool", "file_tool"), ("target", "block")):
                 self._choices[which] = gui.add_dropdown(which, [*MESHES, FILE], initial_value=kind)
                 button = gui.add_upload_button(
-                    f"Mesh of the {which}", icon="upload", mime_type=".stl,.obj,.ply,.glb"
+                    f"Mesh of the {which}", icon="upload", mime_type=",".join(MESH_SUFFIXES)
                 )
                 button.on_upload(self._dropped("Mesh", partial(self._keep_mesh, which)))
-            self._unit = gui.add_dropdown("unit of the files", list(UNITS), initial_value="mm")
+            self._unit = gui.add_dropdown("unit of the files", [STATED, *UNITS])
             self._build = gui.add_button("Make a scene of them", color="green")
         self._message = gui.add_markdown("")
         for control in (self._body, self._kind):
@@ -186,7 +187,8 @@ class TexturesPanel(Panel):
         self._message.content = f"{body}: {kind}." if done else "Nothing has changed."
 
     def _built(self, event: Any) -> None:
-        servo, unit = self._servo, self._unit.value
+        servo = self._servo
+        unit = None if self._unit.value == STATED else self._unit.value
 
         def change() -> None:
             parts = {}

@@ -1,8 +1,9 @@
 """Files from a browser: data that is bounded and examined before it is decoded.
 
 Nothing in a file is executed and no other file is opened for it: arrays are read without pickles,
-materials of meshes are not followed, and a glTF file with external references is refused. A file is
-stored under a generated name.
+materials of meshes are not followed, and a glTF file with external references is refused. An
+archive (3MF) is bounded by its unpacked size and by the triangles of all its placed parts. A file
+is stored under a generated name.
 """
 
 from __future__ import annotations
@@ -12,21 +13,25 @@ import json
 import re
 import struct
 import tempfile
+import zipfile
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
 from asperity.errors import AsperityError
+from asperity.geometry.mesh.files import read_contents
 from asperity.texture.files.images import read_pixels
 
 MAX_BYTES = 64 * 2**20
 MAX_PIXELS = 2**24
 """Largest image or array: 4096 x 4096."""
 MAX_TRIANGLES = 200_000
+MAX_UNPACKED = 256 * 2**20
+"""Largest size of an archive's contents [bytes]."""
 MAX_FILES = 40
 """Largest number of files that a page keeps, as scenes may be read from them again."""
-IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy")
-MESHES = (".stl", ".obj", ".ply", ".glb")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy")
+MESH_SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".3mf")
 
 
 class Uploads:
@@ -44,7 +49,7 @@ class Uploads:
         AsperityError
             The file is invalid; the message names what would be valid.
         """
-        suffix = _suffix(name, content, IMAGES, "an image")
+        suffix = _suffix(name, content, IMAGE_SUFFIXES, "an image")
         pixels = _pixels(name, suffix, content)
         if not 16 <= pixels <= MAX_PIXELS:
             raise AsperityError(f"{_shown(name)} has {pixels} pixels; valid: 16 to {MAX_PIXELS}")
@@ -55,14 +60,17 @@ class Uploads:
 
     def mesh(self, name: str, content: bytes) -> Path:
         """Store a mesh; return its path. Raises as `image` does."""
-        suffix = _suffix(name, content, MESHES, "a mesh")
-        count = _triangles(name, suffix, content)
-        if count > MAX_TRIANGLES:
-            raise AsperityError(
-                f"{_shown(name)} has {count} triangles; valid: {MAX_TRIANGLES} at most; "
-                "asperity bake makes fewer of them"
-            )
-        return self._kept(suffix, content)
+        suffix = _suffix(name, content, MESH_SUFFIXES, "a mesh")
+        _check_triangles(name, _triangles(name, suffix, content))
+        path = self._kept(suffix, content)
+        if suffix == ".3mf":  # which may place one object many times
+            try:
+                parts = read_contents(path).parts
+                _check_triangles(name, sum(len(part.corners.faces) for part in parts))
+            except AsperityError as error:
+                path.unlink()
+                raise AsperityError(str(error).replace(str(path), _shown(name))) from None
+        return path
 
     def close(self) -> None:
         """Delete all files."""
@@ -89,6 +97,14 @@ class Uploads:
 def _shown(name: str) -> str:
     """Return a file's name in a form that is safe to show: it comes from outside."""
     return re.sub(r"[^\w. -]", "_", Path(name).name)[:60] or "the file"
+
+
+def _check_triangles(name: str, count: int) -> None:
+    if count > MAX_TRIANGLES:
+        raise AsperityError(
+            f"{_shown(name)} has {count} triangles; valid: {MAX_TRIANGLES} at most; "
+            "asperity bake makes fewer of them"
+        )
 
 
 def _suffix(name: str, content: bytes, valid: tuple[str, ...], what: str) -> str:
@@ -155,18 +171,33 @@ def _triangles(name: str, suffix: str, content: bytes) -> int:
             head = content[: content.index(b"end_header")]
             found = re.search(rb"element\s+face\s+(\d+)", head)
             return int(found.group(1)) if found else 0
-        return _triangles_of_glb(name, content)
+        if suffix == ".3mf":
+            return _triangles_of_3mf(name, content)
+        return _triangles_of_gltf(name, content)
     except AsperityError:
         raise
-    except (ValueError, IndexError, KeyError, TypeError, struct.error):
+    except (ValueError, IndexError, KeyError, TypeError, struct.error, zipfile.BadZipFile):
         raise AsperityError(f"{_shown(name)} is not a {suffix} file, or damaged") from None
 
 
-def _triangles_of_glb(name: str, content: bytes) -> int:
-    if content[:4] != b"glTF":
-        raise ValueError("not a GLB")
-    (size,) = struct.unpack("<I", content[12:16])
-    tree: dict[str, Any] = json.loads(content[20 : 20 + size])
+def _triangles_of_3mf(name: str, content: bytes) -> int:
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        members = archive.infolist()
+        size = sum(member.file_size for member in members)
+        if size > MAX_UNPACKED:
+            raise AsperityError(
+                f"{_shown(name)} has {size / 2**20:.0f} MB unpacked; "
+                f"valid: {MAX_UNPACKED // 2**20} MB"
+            )
+        models = [archive.read(m) for m in members if m.filename.lower().endswith(".model")]
+    return sum(len(re.findall(rb"<(?:\w+:)?triangle\s", model)) for model in models)
+
+
+def _triangles_of_gltf(name: str, content: bytes) -> int:
+    if content[:4] == b"glTF":
+        (size,) = struct.unpack("<I", content[12:16])
+        content = content[20 : 20 + size]
+    tree: dict[str, Any] = json.loads(content)
     for part in (*tree.get("buffers", []), *tree.get("images", [])):
         if not str(part.get("uri", "data:")).startswith("data:"):
             raise AsperityError(f"{_shown(name)} refers to other files; export it as one GLB")
