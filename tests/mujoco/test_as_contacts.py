@@ -102,23 +102,75 @@ def test_energy_does_not_grow_on_a_closed_path():
     assert abs(work) < 2e-3 * moved
 
 
-@pytest.mark.parametrize("both", [True, False])
-def test_a_cube_rests(both):
+ROUGH = textured.pattern(
+    "rough", size=0.0256, pixel_size=1e-4, hurst=0.8, rms_slope=0.2, cutoff=4e-4
+)
+WAVY = textured.pattern("sinusoid", wavelength=4e-3, amplitude=1e-4)
+ON = {
+    "waves": (WAVY, None, 0),
+    "knurl on knurl": (textured.pattern("knurl", pitch=2e-3),) * 2 + (0,),
+    "rough on rough": (ROUGH, ROUGH, 0),
+    "rough on rough, turned": (ROUGH, ROUGH, 17),
+    "dots": (textured.pattern("jittered_dots"), None, 45),
+    "rough on stripes": (textured.pattern("stripes"), ROUGH, 0),
+    "brushed on rough": (ROUGH, textured.pattern("brushed"), 0),
+}
+
+
+@pytest.mark.parametrize("pair", ON)
+def test_a_cube_rests(pair):
+    plate, own, yaw = ON[pair]
     cube = (
-        '<body name="cube" pos="0 0 .0203"><freejoint/>'
+        f'<body name="cube" pos=".0007 0 .0206" euler="0 0 {yaw}"><freejoint/>'
         '<geom name="cube" type="box" size=".02 .02 .02" mass=".1"/></body>'
     )
     model = mujoco.MjModel.from_xml_string(PLATE.format(bodies=cube))
     data = mujoco.MjData(model)
-    waves = textured.pattern("sinusoid", wavelength=4e-3, amplitude=1e-4)
-    knurl = textured.pattern("knurl", pitch=2e-3)
-    textures = {"plate": knurl, "geom:cube": knurl} if both else {"plate": waves}
+    textures = {"plate": plate} if own is None else {"plate": plate, "geom:cube": own}
     surfaces = textured.attach(model, textures)
-    surfaces.step(data, 1000)
-    start = data.qpos.copy()
-    surfaces.step(data, 5000)  # ten seconds
-    assert np.linalg.norm(data.qpos[:2] - start[:2]) < 1e-5
+    surfaces.step(data, 2000)
+    start, farthest = data.qpos.copy(), 0.0
+    for _ in range(10):  # ten seconds
+        surfaces.step(data, 500)
+        farthest = max(farthest, float(np.linalg.norm(data.qpos[:2] - start[:2])))
+    assert farthest < 1e-5
     assert np.abs(data.qpos[2:] - start[2:]).max() < 5e-3
+    assert float(np.linalg.norm(data.qvel)) < 1e-4  # it does not rock
+
+
+def test_what_rests_slides_when_it_is_pushed_and_rests_again():
+    cube = (
+        '<body name="cube" pos="0 0 .0206"><freejoint/>'
+        '<geom name="cube" type="box" size=".02 .02 .02" mass=".1"/></body>'
+    )
+    model = mujoco.MjModel.from_xml_string(PLATE.format(bodies=cube))
+    data = mujoco.MjData(model)
+    surfaces = textured.attach(
+        model, {"plate": WAVY, "geom:cube": textured.texture(WAVY, friction=0.4)}
+    )
+    surfaces.step(data, 1500)
+    weight, start = 0.1 * 9.81, data.qpos.copy()
+    data.xfrc_applied[1, 0] = 0.25 * weight
+    surfaces.step(data, 1000)
+    assert abs(data.qpos[0] - start[0]) < 2e-4  # it sticks
+    data.xfrc_applied[1, 0] = 0.8 * weight
+    surfaces.step(data, 40)
+    assert data.qpos[0] - start[0] > 3e-3
+    data.xfrc_applied[1, 0] = 0.0
+    surfaces.step(data, 1500)
+    start = data.qpos.copy()
+    surfaces.step(data, 1000)
+    assert np.abs(data.qpos - start)[:3].max() < 1e-6
+    assert np.abs(data.qpos - start).max() < 5e-5
+    # What is laid on it is borne.
+    data.xfrc_applied[1, 2] = -2.0 * weight
+    surfaces.step(data, 1000)
+    force = np.zeros(6)
+    total = np.zeros(3)
+    for i in range(data.ncon):
+        mujoco.mj_contactForce(model, data, i, force)
+        total += force[:3] @ data.contact.frame[i].reshape(3, 3)
+    assert abs(total[2]) == pytest.approx(3.0 * weight, rel=1e-3)
 
 
 SOLIDS = {
@@ -221,6 +273,6 @@ def test_both_bodies_may_move_and_forces_are_opposite():
     assert data.ncon == 1
     assert np.linalg.norm(data.qfrc_constraint[:3]) > 0.05
     assert np.allclose(data.qfrc_constraint[:3], -data.qfrc_constraint[6:9], atol=1e-12)
-    surfaces.step(data, 100)
+    surfaces.step(data, 40)
     momentum = 0.1 * data.qvel[:3] + 0.2 * data.qvel[6:9]
     assert np.abs(momentum).max() < 1e-12

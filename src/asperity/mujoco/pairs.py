@@ -49,11 +49,6 @@ class Pair:
         """How far it may slip before places of contact are forgotten [m]."""
         return self.wave / 20.0
 
-    @property
-    def apart(self) -> float:
-        """How far apart two places of contact are at least [m]."""
-        return self.wave / 4.0
-
 
 class PairPlan:
     """All pairs of a model, and the arrays of their bodies; the same for all `MjData`.
@@ -65,12 +60,15 @@ class PairPlan:
         Which of them touch over an area.
     tables : Tables
     carried : CarriedBodies
+    stiffness : float
+        Of a contact of weight 1 [N/m].
     """
 
     def __init__(
         self, model: mujoco.MjModel, carried: CarriedBodies, settings: ForceSettings
     ) -> None:
         self.carried, self._settings = carried, settings
+        self.stiffness = settings.stiffness
         bodies = [one.body for one in carried.bodies]
         carrier = np.array([one.carrier for one in carried.bodies], np.int64)
         frames = _first_frames(model, carried)
@@ -105,6 +103,17 @@ class PairPlan:
     def candidates(found: Found, count: int) -> Candidates:
         """Return contacts that were taken out as candidates of a search."""
         return Candidates(count, found.geoms, found.points, found.distances, found.margins)
+
+    def apart(self, number: int) -> float:
+        """Return how far apart two places of contact of a pair that touches over an area are [m].
+
+        A part of the shortest wave, but so far that a few dozen places are spread all over
+        the smaller body.
+        """
+        pair, facets = self.pairs[number], self._arrays.facets
+        assert facets is not None
+        sides = [2.0 * float(facets.reach[facets.root[i]].max()) for i in (pair.tool, *pair.others)]
+        return max(pair.wave / 4.0, min(sides) / 20.0)
 
     def room(self) -> SearchRoom:
         """Allocate the memory of searches, one for each thread."""

@@ -4,7 +4,11 @@ Such bodies have many places that are nearly as deep. The deepest hops from one 
 body tilts by a micrometre, and the torque with it: a body that lies on a rough plate would rattle
 for ever. So a place that was the deepest is remembered, with its depth carried on to first order,
 until the body has slipped over it by a part of the shortest wave. Contacts that hardly slip are
-divided between their places in proportion to the depths; those that slip are not.
+divided between their places, in proportion to the depths; those that slip are not.
+
+Yet a body may go on rocking by micrometres, from one set of places to another. Once it has not
+left its place for a while it lies on constant springs at the places that are remembered then, on
+which it comes to rest, until it moves on or the search finds another force.
 """
 
 from __future__ import annotations
@@ -15,12 +19,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.kernels import inner_kernel
+from asperity._core.kernels import inner_kernel, small_kernel
 
 _LIFT = 2e-4
 """How far the surfaces may part at a remembered place [m]."""
 _ALONG = 0.9
 """Least cosine between the normals of places of one contact."""
+_CREEP = 1e-2
+"""Speed of slip from which a contact is not divided [m/s]."""
+_WHILE = 0.05
+"""Time after which a body that has not left its place lies on constant springs [s]."""
+_HELD = 3.0
+"""How much farther than others these may slip, so that settling does not end them."""
+_OTHER = 0.2
+"""Difference between their force and that of the search, relative to it, from which they end."""
 
 
 class Places(NamedTuple):
@@ -47,6 +59,14 @@ class Places(NamedTuple):
     """Its depth in this step [m], (n,)."""
     is_fresh: NDArray[np.bool_]
     """Whether it is the deepest place in this step, (n,)."""
+    body: NDArray[np.int64]
+    """The scene body that it lies on, (n,)."""
+    share: NDArray[np.float64]
+    """Stiffness of its spring over that of a contact of weight 1, (n,)."""
+    still: NDArray[np.float64]
+    """How long the body has not left its place [s], (1,)."""
+    was: NDArray[np.float64]
+    """The tool's frame since then, (3, 4) [m]."""
     reach: NDArray[np.float64]
     """How far a place may be slipped over, and how far apart two places are, [m]; (2,)."""
 
@@ -56,14 +76,16 @@ def places(room: int, slip: float, apart: float) -> Places:
     return Places(
         np.zeros(1, np.int64), np.zeros((room, 3)), np.zeros((room, 3)), np.zeros((room, 3)),
         np.zeros((room, 3)), np.zeros(room), np.full(room, -1, np.int64), np.zeros(room),
-        np.zeros(room, bool), np.array([slip, apart]),
+        np.zeros(room, bool), np.zeros(room, np.int64), np.zeros(room), np.zeros(1),
+        np.zeros((3, 4)), np.array([slip, apart]),
     )  # fmt: skip
 
 
 @inner_kernel
 def _copy(memory, source, target):
     """Copy what is remembered of a place to another row."""
-    memory.depth[target] = memory.depth[source]
+    memory.depth[target], memory.share[target] = memory.depth[source], memory.share[source]
+    memory.body[target] = memory.body[source]
     for k in range(3):
         memory.point[target, k] = memory.point[source, k]
         memory.on_tool[target, k] = memory.on_tool[source, k]
@@ -71,9 +93,13 @@ def _copy(memory, source, target):
 
 
 @inner_kernel
-def _carry_on(memory, pose):
-    """Carry the depths of remembered places on to a pose (3, 4) of the tool; drop what is old."""
-    kept = 0
+def _carry_on(memory, pose, is_at_rest):
+    """Carry the depths of remembered places on to a pose (3, 4) of the tool; drop what is old.
+
+    Returns whether none was dropped.
+    """
+    kept, count = 0, memory.count[0]
+    reach = memory.reach[0] * (_HELD if is_at_rest else 1.0)
     for i in range(memory.count[0]):
         along = square = slip = 0.0
         for k in range(3):
@@ -87,35 +113,39 @@ def _carry_on(memory, pose):
             slip += moved * moved
         slip -= along * along / square
         present = memory.depth[i] - along
-        if slip > memory.reach[0] ** 2 or present < -_LIFT:
+        if slip > reach * reach or present < -_LIFT:
             continue
         if kept != i:
             _copy(memory, i, kept)
         memory.present[kept], memory.contact[kept], memory.is_fresh[kept] = present, -1, False
         kept += 1
     memory.count[0] = kept
+    return kept == count
 
 
 @inner_kernel
 def _renew(memory, contacts, c, pose):
-    """Remember the place of contact `c`, instead of one that is near, or of the least deep."""
-    count, at, least = memory.count[0], memory.count[0], -1
+    """Remember the place of contact `c`, instead of one that is near; of the nearest without room.
+
+    Places all over the body stay so, and it is borne wherever it rocks to.
+    """
+    count, nearest, best = memory.count[0], -1, np.inf
     for i in range(count):
         if memory.is_fresh[i]:
             continue
         far = 0.0
         for k in range(3):
             far += (memory.now[i, k] - contacts.point[c, k]) ** 2
-        if far < memory.reach[1] ** 2:
-            at = i
-        if least < 0 or memory.present[i] < memory.present[least]:
-            least = i
-    if at == memory.depth.size:
-        at = least
+        if far < best:
+            nearest, best = i, far
+    at = count
+    if best < memory.reach[1] ** 2 or count == memory.depth.size:
+        at = nearest
     if at < 0:
         return
     if at == count:
         memory.count[0] += 1
+    memory.body[at] = contacts.body[c]
     memory.depth[at] = memory.present[at] = contacts.depth[c]
     memory.contact[at], memory.is_fresh[at] = c, True
     for k in range(3):
@@ -149,9 +179,75 @@ def _assign(memory, contacts):
             memory.present[i] = min(memory.present[i], deepest)
 
 
+@small_kernel
+def calmness(speed):
+    """Return how far contacts over an area are at rest, 0 to 1, at a speed of slip [m/s]."""
+    return max(1.0 - (speed / _CREEP) ** 2, 0.0)
+
+
 @inner_kernel
-def recall(memory, contacts, pose):
-    """Remember the places of all contacts, and find which contact each remembered one belongs to.
+def _has_left(memory):
+    """Return whether some place has slipped out of reach since the tool was where it `was`."""
+    for i in range(memory.count[0]):
+        along = square = slip = 0.0
+        for k in range(3):
+            moved, m = memory.now[i, k] - memory.was[k, 3], memory.slope_normal[i, k]
+            for j in range(3):
+                moved -= memory.was[k, j] * memory.on_tool[i, j]
+            along += moved * m
+            square += m * m
+            slip += moved * moved
+        if slip - along * along / square > memory.reach[0] ** 2:
+            return True
+    return memory.count[0] == 0
+
+
+@inner_kernel
+def _wait(memory, pose, dt):
+    """Return whether the tool has not left its place for a while, `dt` [s] after the last step.
+
+    If so, the places are remembered as they are now, with equal springs: those that are not the
+    deepest just now, as the body rocks, must bear it as well.
+    """
+    if _has_left(memory):
+        memory.still[0] = 0.0
+        for k in range(3):
+            for j in range(4):
+                memory.was[k, j] = pose[k, j]
+    memory.still[0] += dt
+    if memory.still[0] < _WHILE:
+        return False
+    force = depths = 0.0
+    for i in range(memory.count[0]):
+        depth = max(memory.present[i], 0.0)
+        force += memory.share[i] * depth
+        depths += depth
+    if depths == 0.0:
+        return False
+    for i in range(memory.count[0]):
+        memory.share[i] = force / depths
+        memory.depth[i] = memory.present[i]
+        for k in range(3):
+            memory.point[i, k] = memory.now[i, k]
+    return True
+
+
+@inner_kernel
+def _holds(memory, contacts):
+    """Return whether the springs at the places have about the force that the search finds."""
+    given = wanted = 0.0
+    for c in range(contacts.count[0]):
+        wanted += contacts.weight[c] * contacts.depth[c]
+    for i in range(memory.count[0]):
+        given += memory.share[i] * max(memory.present[i], 0.0)
+    return abs(given - wanted) < _OTHER * wanted
+
+
+@inner_kernel
+def recall(memory, contacts, pose, dt):
+    """Carry the places of contact on to a pose; return whether they are constant springs.
+
+    If not, the places of all contacts are remembered, and each remembered one belongs to a contact.
 
     Parameters
     ----------
@@ -159,8 +255,41 @@ def recall(memory, contacts, pose):
     contacts : Contacts
     pose : (3, 4) array
         The tool's frame, in the axes of the other bodies' first pose.
+    dt : float
+        Time since the last step [s].
     """
-    _carry_on(memory, pose)
+    is_at_rest = memory.still[0] >= _WHILE
+    are_all = _carry_on(memory, pose, is_at_rest)
+    if is_at_rest and not (are_all and _holds(memory, contacts)):
+        is_at_rest, memory.still[0] = False, 0.0
+    elif not is_at_rest:
+        is_at_rest = _wait(memory, pose, dt)
+    if is_at_rest:
+        return True
     for c in range(contacts.count[0]):
         _renew(memory, contacts, c, pose)
     _assign(memory, contacts)
+    return False
+
+
+@inner_kernel
+def share_out(memory, contacts, calm):
+    """Divide the stiffness of each contact between its places, in proportion to their depths.
+
+    Parameters
+    ----------
+    calm : (contacts,) array
+        How much places count that are not the deepest; see `calmness`.
+    """
+    for i in range(memory.count[0]):
+        memory.share[i] = 0.0
+    for c in range(contacts.count[0]):
+        squares = 0.0
+        for i in range(memory.count[0]):
+            if memory.contact[i] == c:
+                squares += memory.present[i] ** 2 * (1.0 if memory.is_fresh[i] else calm[c])
+        for i in range(memory.count[0]):
+            if memory.contact[i] == c and squares > 0.0:
+                count = 1.0 if memory.is_fresh[i] else calm[c]
+                wanted = contacts.weight[c] * contacts.depth[c]
+                memory.share[i] = wanted * memory.present[i] * count / squares

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
-from asperity.mujoco.places import recall
-from asperity.mujoco.rows import MARK, Found, Tables, calmness
+from asperity.mujoco.places import calmness, recall, share_out
+from asperity.mujoco.rows import MARK, Found, Tables
 
 _LEAST_FRICTION = 1e-5
 """As in MuJoCo, which divides by it."""
@@ -152,17 +152,21 @@ class Bodies(NamedTuple):
     """The tool's frame among the others at their first pose, and their motion from it [m],
     (2, 3, 4)."""
     velocities: Velocities
+    stiffness: float
+    """Of a contact of weight 1 [N/m]."""
+    dt: float
+    """Time since the last step [s]."""
 
 
 @inner_kernel
-def _append(records, listed, taken, bodies, what, share, placed):
-    """Append a share of a contact to the list, and return how many are in it.
+def _append(records, listed, taken, bodies, what, placed):
+    """Append a contact to the list, and return how many are in it.
 
-    `what` is (body, depth, |m|, point, force): world axes, for the whole contact.
+    `what` is (body, depth, |m|, point, force), in world axes.
     """
     (total, kept, count), (body, depth, steep, point, force) = listed, what
     row, size = total - kept, force[0] ** 2 + force[1] ** 2 + force[2] ** 2
-    if not size * share > 0.0 or row == placed.push.size or total == records.size:
+    if not size > 0.0 or row == placed.push.size or total == records.size:
         return total
     tables = taken.tables
     t = _nearest(
@@ -175,7 +179,7 @@ def _append(records, listed, taken, bodies, what, share, placed):
     sign = 1.0 if tables.owner[one.geom[1]] == bodies.tool else -1.0
     for k in range(3):
         toward[k] = sign * force[k]
-    placed.push[row] = share * _fill_record(one, depth / steep, toward, point)
+    placed.push[row] = _fill_record(one, depth / steep, toward, point)
     placed.steepness[row], placed.pair[row] = steep, bodies.number
     placed.parting[row] = _fill_slip(
         bodies.velocities, bodies.carriers, point, force, placed.slip[row]
@@ -196,29 +200,49 @@ def _to_world(motion, point, force, point_out, force_out):
 
 
 @inner_kernel
-def _append_places(contacts, part, records, listed, taken, bodies, memory, placed):
-    """Append the places of a contact to the list, and return how many are in it.
-
-    `part` is (contact, its stiffness [N/m], how far it is at rest).
-    """
-    c, stiffness, calm = part
-    (total, kept, count), motion = listed, bodies.motion[1]
-    point, force, own = stack_array((3,)), stack_array((3,)), stack_array((3,))
-    depths = 0.0
-    for i in range(memory.count[0]):
-        if memory.contact[i] == c:
-            depths += memory.present[i] * (1.0 if memory.is_fresh[i] else calm)
-    for i in range(memory.count[0]):
-        if memory.contact[i] != c:
-            continue
-        depth, steep = memory.present[i], 0.0
-        share = depth * (1.0 if memory.is_fresh[i] else calm) / depths
+def _fill_calmness(contacts, bodies, calm_out):
+    """Fill how far the bodies are at rest at each contact, 0 to 1."""
+    point, force, slip = stack_array((3,)), stack_array((3,)), stack_array((3,))
+    for c in range(contacts.count[0]):
+        _to_world(bodies.motion[1], contacts.point[c], contacts.slope_normal[c], point, force)
+        _fill_slip(bodies.velocities, bodies.carriers, point, force, slip)
+        square = 0.0
         for k in range(3):
-            own[k] = stiffness * depth * memory.slope_normal[i, k]
+            square += slip[k] ** 2
+        calm_out[c] = calmness(math.sqrt(square))
+
+
+@inner_kernel
+def _append_places(contacts, records, listed, taken, bodies, memory, placed):
+    """Append the places of contact of bodies that touch over an area.
+
+    Returns how many are in the list.
+    """
+    (total, kept, count), motion, calm = listed, bodies.motion[1], placed.calm
+    point, force, own = stack_array((3,)), stack_array((3,)), stack_array((3,))
+    is_at_rest = recall(memory, contacts, bodies.motion[0], bodies.dt)
+    if not is_at_rest:
+        _fill_calmness(contacts, bodies, calm)
+        share_out(memory, contacts, calm)
+    for i in range(memory.count[0]):
+        depth, steep = memory.present[i], 0.0
+        if depth <= 0.0 or memory.share[i] == 0.0:
+            continue
+        push = bodies.stiffness * memory.share[i] * depth
+        for k in range(3):
+            own[k] = push * memory.slope_normal[i, k]
             steep += memory.slope_normal[i, k] ** 2
+        if memory.is_fresh[i] and not is_at_rest:
+            # What the force is beyond k w delta m leaps where another place gets the deepest.
+            c = memory.contact[i]
+            push = bodies.stiffness * contacts.weight[c] * contacts.depth[c]
+            for k in range(3):
+                rest = contacts.force[c, k] - push * contacts.slope_normal[c, k]
+                own[k] += (1.0 - calm[c]) * rest
         _to_world(motion, memory.now[i], own, point, force)
-        what = (contacts.body[c], depth, math.sqrt(steep), point, force)
-        total = _append(records, (total, kept, count), taken, bodies, what, share, placed)
+        what = (memory.body[i], depth, math.sqrt(steep), point, force)
+        placed.lies[total - kept] = is_at_rest
+        total = _append(records, (total, kept, count), taken, bodies, what, placed)
     return total
 
 
@@ -237,34 +261,20 @@ def put_in(contacts, records, listed, taken, bodies, memory, placed):
     taken : Taken
     bodies : Bodies
     memory : Places
+        Of bodies that touch over an area; without room for others.
     placed : PlacedContacts
         Row `i` is that of the record `i` after MuJoCo's own.
     """
     total, kept, count = listed
-    point, force, slip = stack_array((3,)), stack_array((3,)), stack_array((3,))
-    remembers = memory.depth.size > 0
-    if remembers:
-        recall(memory, contacts, bodies.motion[0])
+    if memory.depth.size > 0:
+        return _append_places(contacts, records, listed, taken, bodies, memory, placed)
+    point, force = stack_array((3,)), stack_array((3,))
     for c in range(contacts.count[0]):
-        steep = size = speed = 0.0
-        shares = 0
+        steep = 0.0
         _to_world(bodies.motion[1], contacts.point[c], contacts.force[c], point, force)
         for k in range(3):
             steep += contacts.slope_normal[c, k] ** 2
-            size += force[k] ** 2
-        steep, size = math.sqrt(steep), math.sqrt(size)
-        for i in range(memory.count[0]):
-            if memory.contact[i] == c:
-                shares += 1
-        now = (total, kept, count)
-        if shares > 1 and size > 0.0:
-            _fill_slip(bodies.velocities, bodies.carriers, point, force, slip)
-            for k in range(3):
-                speed += slip[k] ** 2
-            stiffness = size / (steep * contacts.depth[c])  # F = k w delta |m|
-            part = (c, stiffness, calmness(math.sqrt(speed)))
-            total = _append_places(contacts, part, records, now, taken, bodies, memory, placed)
-        else:
-            what = (contacts.body[c], contacts.depth[c], steep, point, force)
-            total = _append(records, now, taken, bodies, what, 1.0, placed)
+        what = (contacts.body[c], contacts.depth[c], math.sqrt(steep), point, force)
+        placed.lies[total - kept] = False
+        total = _append(records, (total, kept, count), taken, bodies, what, placed)
     return total

@@ -131,8 +131,10 @@ class Replaced:
         if contact is None:
             assert self._room is not None
             contact = self._contacts[number] = self._plan.contact(number, self._room)
-            room = _PLACES if pair.by_facets else 0
-            self._places[number] = places(room, pair.slip, pair.apart)
+            if pair.by_facets:
+                self._places[number] = places(_PLACES, pair.slip, self._plan.apart(number))
+            else:
+                self._places[number] = places(0, 0.0, 0.0)
         self._relative(
             data.xpos, data.xmat, pair.carriers, pair.locals, pair.home, self._motion, self._pose
         )
@@ -141,7 +143,7 @@ class Replaced:
         self._touched.add(number)
         bodies = Bodies(
             number, pair.tool, pair.carriers, self._motion,
-            Velocities(data.cvel, data.subtree_com, self._root),
+            Velocities(data.cvel, data.subtree_com, self._root), self._plan.stiffness, dt,
         )  # fmt: skip
         count: int = self._put(
             contact.contacts, self._records, (total, kept, taken),
@@ -175,7 +177,7 @@ class Replaced:
         for contact in self._contacts.values():
             contact.reset()
         for remembered in self._places.values():
-            remembered.count[0] = 0
+            remembered.count[0], remembered.still[0] = 0, 0.0
         self._touched.clear()
 
     def _tell(self, data: mujoco.MjData, which: int, mass: float, step: float) -> None:

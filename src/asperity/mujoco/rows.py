@@ -11,7 +11,8 @@ hardly depends on the solver. Where the step is too long for such a spring the m
 just as much as keeps it stable: forces at rest stay right, fast ones are smoothed.
 
 Where bodies that touch over an area hardly slip, their contacts (see `places`) are as heavy as
-MuJoCo's own by default, and damped more; at a slip of `_CREEP` and beyond they are light.
+MuJoCo's own by default, and damped more; those that slip are light. A body
+that lies still is on constant springs, which need less.
 
 Friction keeps MuJoCo's own B, and its R where that is small enough for a body not to creep on the
 slopes of a texture. With a pyramidal cone these are those of the normal too: the
@@ -27,9 +28,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.kernels import inner_kernel, kernel, small_kernel
+from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
+from asperity.mujoco.places import calmness
 
 MARK = -7391
 """`vert[1]` of asperity's contacts in MuJoCo's list."""
@@ -39,12 +41,12 @@ STEADY = 0.5
 """Square of the phase [rad^2] by which a contact's spring may swing in a step."""
 _HEAVY = 19.0
 """Mass of a contact over an area at rest over that of the bodies: R of a `solimp` of 0.95."""
+_LYING = 1.0
+"""The same where the body lies on constant springs (see `places`): so it settles sooner."""
 _DAMPED = 250.0
 """B of such a contact [1/s], but at most half of 1 / step."""
-_CREEP = 1e-2
-"""Speed of slip at which it is light [m/s]."""
-_STICKING = 1e-3
-"""R of friction over the bodies' inverse mass, at most."""
+_STICKING, _LYING_STICKS = 1e-3, 1e-5
+"""R of friction over the bodies' inverse mass, at most; and where the body lies on such springs."""
 _PYRAMIDAL = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL)
 _ELLIPTIC = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC)
 
@@ -99,13 +101,17 @@ class PlacedContacts(NamedTuple):
     """Its velocity along the force [m/s], (n,)."""
     is_second: NDArray[np.bool_]
     """Whether the tool has the second of the contact's geoms, (n,)."""
+    calm: NDArray[np.float64]
+    """How far the bodies of a pair are at rest at each contact, 0 to 1; (n,)."""
+    lies: NDArray[np.bool_]
+    """Whether the contact is a constant spring, on which the tool lies; (n,)."""
 
 
 def placed(room: int) -> PlacedContacts:
     """Allocate room for contacts."""
     return PlacedContacts(
         np.zeros(room), np.zeros(room), np.zeros(room, np.int64), np.zeros((room, 3)),
-        np.zeros(room), np.zeros(room, bool),
+        np.zeros(room), np.zeros(room, bool), np.zeros(room), np.zeros(room, bool),
     )  # fmt: skip
 
 
@@ -158,12 +164,6 @@ def take_out(records, count, tables, templates, found):
     for i in range(pairs):
         found.is_near[found.near[i]] = False
     return kept, taken, pairs
-
-
-@small_kernel
-def calmness(speed):
-    """Return how far contacts over an area are at rest, 0 to 1, at a speed of slip [m/s]."""
-    return max(1.0 - (speed / _CREEP) ** 2, 0.0)
 
 
 class Rows(NamedTuple):
@@ -227,8 +227,10 @@ def set_constraints(records, first, count, placed, rows, by_facets, dissipation,
         calm = 0.0
         if by_facets[placed.pair[i]]:
             slip = placed.slip[i]
-            calm = calmness(math.sqrt(slip[0] ** 2 + slip[1] ** 2 + slip[2] ** 2))
-        mass = max(wanted, LIGHT + _HEAVY * calm) * push / (depth * spring) / inverse
+            speed = math.sqrt(slip[0] ** 2 + slip[1] ** 2 + slip[2] ** 2)
+            calm = calmness(speed)
+        heavy = _LYING if placed.lies[i] else _HEAVY
+        mass = max(wanted, LIGHT + heavy * calm) * push / (depth * spring) / inverse
         old, new = rows.resistance[row], 1.0 / mass
         share = inverse / (inverse + new)
         rows.resistance[row], rows.inverse[row] = new, mass
@@ -237,7 +239,8 @@ def set_constraints(records, first, count, placed, rows, by_facets, dissipation,
         rows.reference[row, 1] = max(damped, calm * min(_DAMPED, 0.5 / dt))
         rows.reference[row, 2], rows.reference[row, 3] = share, 0.0
         if rows.kind[row] == _ELLIPTIC:
-            stiffer = min(_STICKING * inverse / rows.resistance[row + 1], 1.0)
+            sticking = _LYING_STICKS if placed.lies[i] else _STICKING
+            stiffer = min(sticking * inverse / rows.resistance[row + 1], 1.0)
             for j in range(row + 1, row + one.dim):
                 rows.resistance[j] *= stiffer
                 rows.inverse[j] /= stiffer
