@@ -31,7 +31,7 @@ _WHILE = 0.05
 """Time after which a body that has not left its place lies on constant springs [s]."""
 _HELD = 3.0
 """How much farther than others these may slip, so that settling does not end them."""
-_OTHER = 0.2
+_OTHER = 0.5
 """Difference between their force and that of the search, relative to it, from which they end."""
 
 
