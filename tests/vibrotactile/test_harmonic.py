@@ -12,12 +12,12 @@ from asperity.errors import AsperityError
 from asperity.vibrotactile.fit import FitSettings, fit
 from asperity.vibrotactile.harmonic import HarmonicModel, as_noise
 from asperity.vibrotactile.hatt import read_hatt, write_hatt
-from asperity.vibrotactile.lsf import coefficients_of, power_gain
+from asperity.vibrotactile.lsf import coefficients_of, power_gain, reflections_of
 from asperity.vibrotactile.model import TextureModel
 from asperity.vibrotactile.model_file import read_model, write_model
 from asperity.vibrotactile.rates import at_rate
 from asperity.vibrotactile.signals import Exploration
-from asperity.vibrotactile.synthesis import Synthesiser, ringing
+from asperity.vibrotactile.synthesis import Synthesiser, reflect, through_lattice
 
 RATE = 2000.0
 
@@ -52,8 +52,9 @@ def test_periods_and_amplitudes_are_found_from_the_slides():
     size = model.amplitudes_at(0.17, 0.6)
     for length, amplitude in parts:
         assert size[lines[round(1e3 * length, 3)]] == pytest.approx(0.6 * amplitude, rel=0.1)
-    power = model.filter_at(0.17, 0.6)
-    assert np.sqrt(power.variance * power_gain(power.ar)) == pytest.approx(0.6, rel=0.1)
+    frequency = np.linspace(0.0, 0.5 * RATE, 20001)
+    density = model.filter_at(0.17, 0.6).density(frequency, RATE)
+    assert np.sqrt(np.trapezoid(density, frequency)) == pytest.approx(0.6, rel=0.1)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -118,10 +119,39 @@ def test_between_models_the_rms_is_between_theirs():
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 5, 8, 20])
-def test_the_kernel_knows_how_much_a_filter_rings(order):
+def test_the_kernel_knows_the_reflection_coefficients_of_a_filter(order):
     lsf = (np.arange(order) + 1.0 + 0.3 * np.sin(np.arange(order))) * np.pi / (order + 1.5)
     a = coefficients_of(lsf)
-    assert ringing(a, np.empty(order + 1)) == pytest.approx(power_gain(a), rel=1e-12)
+    found = np.empty(order)
+    reflect(a, np.empty(order + 1), found)
+    np.testing.assert_allclose(found, reflections_of(a), rtol=1e-9, atol=1e-12)
+    noise, states = np.random.default_rng(order).standard_normal(2000), np.zeros(order)
+    made = [through_lattice(one, found, states) for one in noise]
+    plain = signal.lfilter([1.0], a, noise) / np.sqrt(power_gain(a))
+    np.testing.assert_allclose(made, plain, atol=1e-9)
+
+
+def test_a_filter_that_changes_at_every_sample_keeps_its_size():
+    """In direct form it grows without bounds: two filters of near-lines, in turn."""
+    rng = np.random.default_rng(0)
+    lsf = np.sort(rng.uniform(0.0, 0.7 * np.pi, (4, 4)), axis=1)
+    lsf[:, 1::2] = lsf[:, 0::2] + 0.01
+    lsf = np.sort(lsf, axis=1)
+    gains = [power_gain(coefficients_of(row)) for row in lsf]
+    model = harmonic(
+        ar=lsf, variance=1.0 / np.array(gains), lines=np.zeros((4, 3)), slowest=0.0, lightest=0.0
+    )
+    n = 40000
+    speeds = np.where(np.arange(n) // 15 % 2, model.speeds.min(), model.speeds.max())
+    made = Synthesiser(model, seed=0).block(speeds, np.full(n, model.forces.mean()))
+    assert made.std() == pytest.approx(1.0, rel=0.1)
+    corners = [model.filter_at(v, model.forces.mean()) for v in np.unique(speeds)]
+    grown, past = np.zeros(n), np.zeros(4)
+    for i in range(2000):
+        one = corners[int(speeds[i] == speeds.max())]
+        grown[i] = np.sqrt(one.variance) * rng.standard_normal() - one.ar[1:] @ past
+        past = np.append(grown[i], past[:-1])
+    assert grown[:2000].std() > 3.0
 
 
 def test_a_tool_that_hops_leaves_a_model_and_a_lost_slide_is_named():
@@ -167,6 +197,34 @@ def test_files_of_the_older_format_are_still_read(tmp_path):
     assert type(read_model(tmp_path / "model.xml")) is TextureModel
 
 
+def test_in_files_of_version_1_no_high_pass_stands_behind_the_noise(tmp_path):
+    write_model(harmonic(noise_high_pass=20.0), tmp_path / "model.json")
+    assert read_model(tmp_path / "model.json").noise_high_pass == 20.0
+    old = json.loads((tmp_path / "model.json").read_text())
+    del old["noise_high_pass_hz"]
+    (tmp_path / "model.json").write_text(json.dumps(old | {"schema": 1}))
+    assert read_model(tmp_path / "model.json").noise_high_pass == 0.0
+    (tmp_path / "model.json").write_text(json.dumps(old))
+    with pytest.raises(AsperityError, match="noise_high_pass_hz must be a finite number"):
+        read_model(tmp_path / "model.json")
+    with pytest.raises(AsperityError, match="noise_high_pass must lie between 0 and 500 Hz, got"):
+        harmonic(noise_high_pass=900.0)
+
+
+def test_in_hatts_format_it_is_silent_at_rest_and_in_the_air(tmp_path):
+    model = fit(grid(((2e-3, 2.0),))).model
+    write_hatt(model, tmp_path / "model.xml")
+    plain = read_hatt(tmp_path / "model.xml")
+    for place in ((0.0, 0.5), (0.1, 0.0)):
+        assert plain.filter_at(*place).variance == pytest.approx(0.0, abs=1e-12)
+    for speed, force in zip(model.speeds, model.forces, strict=True):
+        frequency = np.linspace(0.0, 0.5 * RATE, 20001)
+        power = np.trapezoid(model.filter_at(speed, force).density(frequency, RATE), frequency)
+        power += 0.5 * np.sum(model.amplitudes_at(speed, force) ** 2)
+        there = plain.filter_at(speed, force)
+        assert there.variance * power_gain(there.ar) == pytest.approx(power, rel=1e-3)
+
+
 def test_hatts_format_says_what_it_loses(tmp_path):
     model = harmonic()
     notes = write_hatt(model, tmp_path / "model.xml")
@@ -185,7 +243,7 @@ def test_hatts_format_says_what_it_loses(tmp_path):
 @pytest.mark.parametrize(
     ("key", "value", "told"),
     [
-        ("schema", 2, "schema must be 1 to 1, got 2"),
+        ("schema", 3, "schema must be 1 to 2, got 3"),
         ("kind", "sines", "kind must be 'harmonic' or 'noise', got 'sines'"),
         ("periods_m", [-1.0, 1.0], "periods must be above 0"),
         ("harmonics", [[0, 1], [0, 3], [2, 1]], "a line names a period from 0 to 1"),

@@ -35,8 +35,8 @@ class CompareCommand:
     method: tuple[str, ...] = ()
     """Methods to run, or Python files that define some. Default: all."""
     claim: tuple[str, ...] = ()
-    """Claims to measure, on plates of their own; all, or none. Default: all about methods of one's
-    own, and the stored ones about the others."""
+    """Claims to measure, on plates of their own, by name, or by text or part of it in quotes; all,
+    or none. Default: all about methods of one's own, and the stored ones about the others."""
     motion: str | None = None
     """slide, circle, press-and-slide, rotate, or a file of poses. Default: the scene's."""
     seconds: Annotated[float | None, Range(0.05, 600.0, "s")] = None
@@ -109,7 +109,7 @@ class CompareCommand:
             if value is not None and (name, value) != ("budget_s", _BUDGET):
                 words.append(f"--{name.replace('_', '-')} {shlex.quote(str(value))}")
         if self.claim:
-            words.append(f"--claim {' '.join(self.claim)}")
+            words.append(f"--claim {shlex.join(self.claim)}")
         return " ".join(words)
 
 

@@ -26,7 +26,7 @@ def explore(
     forces: Sequence[float],
     *,
     rate: float,
-    seconds: float,
+    seconds: float | Sequence[float],
     mass: float,
     on_tick: Callable[[int], None] = lambda _: None,
 ) -> list[Exploration]:
@@ -40,15 +40,20 @@ def explore(
         [m/s], and pressed with at the start [N].
     rate : float
         Ticks a second [Hz].
-    seconds : float
-        Of each slide.
+    seconds : float or sequence of float
+        Of each slide; or, one for each speed, of those at that speed, to slide as far at low speeds
+        as at high ones.
     mass : float
         See `signals.explored` [kg].
     on_tick : callable
         Called with the number of ticks done since it was called last.
     """
     require_between("rate", rate, 100.0, 1e5, "Hz")
-    require_between("seconds", seconds, 0.3, 600.0, "s")
+    lengths = [seconds] * len(speeds) if isinstance(seconds, int | float) else list(seconds)
+    if len(lengths) != len(speeds):
+        raise AsperityError(f"{len(lengths)} seconds for {len(speeds)} speeds; valid: one for each")
+    for length in lengths:
+        require_between("seconds", length, 0.3, 600.0, "s")
     motion = scene.motion
     if not isinstance(motion, ScriptedMotion):
         raise AsperityError(
@@ -57,11 +62,11 @@ def explore(
         )
     simulation = Simulation(scene, dt=1.0 / rate)
     out = []
-    for speed, force in product(speeds, forces):
+    for (speed, length), force in product(zip(speeds, lengths, strict=True), forces):
         require_positive("speed", speed, "m/s")
         require_positive("force", force, "N")
         slide = replace(
-            motion, kind="slide", speed=speed, press_force=force, press_depth=None, seconds=seconds
+            motion, kind="slide", speed=speed, press_force=force, press_depth=None, seconds=length
         )
         done = 0
 

@@ -12,7 +12,8 @@ from asperity.drawing.figure_style import COLOURS, PAGE_WIDTH, SMALLEST, style
 from asperity.vibrotactile.distances import HIGHEST, LOWEST, spectrum
 from asperity.vibrotactile.fit import Fitted, Held
 from asperity.vibrotactile.harmonic import HarmonicModel
-from asperity.vibrotactile.lsf import coefficients_of, power_gain
+from asperity.vibrotactile.high_pass import passed_gain
+from asperity.vibrotactile.lsf import coefficients_of
 from asperity.vibrotactile.model import TextureModel
 
 _MOST = 6
@@ -127,7 +128,9 @@ def plane_figure(fitted: Fitted, held: Sequence[Held], title: str) -> Figure:
         plane, scores = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
         speed, force = model.speeds * 1e3, model.forces
         plane.triplot(speed, force, model.mesh.triangles, color="#cccccc", lw=0.6)
-        power = model.variance * [power_gain(coefficients_of(lsf)) for lsf in model.ar]
+        corner = model.noise_high_pass if isinstance(model, HarmonicModel) else 0.0
+        filters = map(coefficients_of, model.ar)
+        power = model.variance * [passed_gain(a, corner, model.rate) for a in filters]
         if isinstance(model, HarmonicModel):
             places = zip(model.speeds, model.forces, strict=True)
             power += [0.5 * np.sum(model.amplitudes_at(v, f) ** 2) for v, f in places]

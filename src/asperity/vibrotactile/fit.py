@@ -2,10 +2,11 @@
 
 The way is that of Culbertson et al. (2013, 2014): vibration cut into stretches that stay the same,
 an AR model of each, line spectral frequencies over force and speed, silence at rest and in the
-air. asperity's own, and not theirs: the lines locked to position (`harmonic`, `periods`), the
-search for the cuts (`segments`), the order by BIC over all stretches together, Burg's estimator,
-the joining of stretches at nearly the same force and speed, the narrowest bandwidth, and that a
-filter's excitation gives the RMS that was measured.
+air. asperity's own, and not theirs: the lines locked to position (`harmonic`, `periods`), the noise
+beside them before its high-pass filter (`high_pass`), the search for the cuts (`segments`), the
+order by BIC over all stretches together, Burg's estimator, the joining of stretches at nearly the
+same force and speed, the narrowest bandwidth, and that a filter's excitation gives the RMS that was
+measured.
 """
 
 from __future__ import annotations
@@ -23,20 +24,22 @@ from asperity.errors import AsperityError, require_between, require_choice
 from asperity.vibrotactile.ar import CRITERIA, Autoregression, burg, criterion, damped
 from asperity.vibrotactile.distances import Match, match
 from asperity.vibrotactile.harmonic import Amplitudes, HarmonicModel, high_pass_gain
-from asperity.vibrotactile.lsf import coefficients_of, frequencies_of, power_gain
+from asperity.vibrotactile.high_pass import fit_before, passed_gain
+from asperity.vibrotactile.lsf import frequencies_of
 from asperity.vibrotactile.model import TextureModel
 from asperity.vibrotactile.periods import NO_PERIODS, Periodicity, find_periods, lines_of
 from asperity.vibrotactile.signals import HIGH_PASS, Exploration
 from asperity.vibrotactile.stretches import Stretch, joined, stretches_of
 from asperity.vibrotactile.synthesis import Synthesiser
-from asperity.vibrotactile.triangles import Triangulation, triangulated, weigh
+from asperity.vibrotactile.triangles import rim_places, triangulated, without_slivers
 
 KINDS = ("harmonic", "noise")
 """What a model is made of: lines locked to position and noise, or noise alone as in HaTT."""
 _NEAR = 0.1
 """Stretches within this part of the largest force and speed are one model."""
-_RIM = 5
-"""Models along each side of the plane where nothing was recorded."""
+_STRETCH = 8.0
+"""By which speeds count more than forces for neighbours in a harmonic model: a spectrum moves with
+the speed, and of the force it is mainly the size that changes."""
 _PER_COEFFICIENT = 8
 """Samples that a model needs for each of its coefficients."""
 _FAINT = 0.1
@@ -169,14 +172,17 @@ def fit(
     if settings.kind == "harmonic":
         periodicity = find_periods(joined(kept), settings.lines)
     nodes = [_node(own, periodicity, settings) for own in members]
-    ladders = [burg(node.noise, highest) for node in nodes]
-    chosen = str(settings.criterion)
+    rate, chosen = rates[0], str(settings.criterion)
+    corner = HIGH_PASS if settings.kind == "harmonic" else 0.0
+    ladders = [
+        fit_before(node.noise, highest, corner, rate) if corner else burg(node.noise, highest)
+        for node in nodes
+    ]
     scores = np.sum([[criterion(m, chosen) for m in one] for one in ladders], axis=0)
     order = settings.order or max(int(np.argmin(scores)), 1)
-    rate = rates[0]
     filters = [
-        _levelled(damped(one[order], one[0].variance, rate, settings.bandwidth), one[0].variance)
-        for one in ladders
+        _levelled(damped(one[order], one[0].variance, rate, settings.bandwidth), node, corner, rate)
+        for one, node in zip(ladders, nodes, strict=True)
     ]
     model = _assembled(
         nodes, filters, periodicity, settings.kind, rate=rate, friction=_friction(kept), name=name
@@ -207,13 +213,13 @@ def _node(own: Sequence[Stretch], periodicity: Periodicity, settings: FitSetting
     return _Node(float(speed), float(force), noise, lines, seen)
 
 
-def _levelled(model: Autoregression, power: float) -> Autoregression:
-    """Return the model with the excitation that gives `power`.
+def _levelled(model: Autoregression, node: _Node, corner: float, rate: float) -> Autoregression:
+    """Return the model with the excitation that gives the noise's power behind its high-pass.
 
-    Burg's variance is that of the prediction errors. For lines and bumps it is not what the filter
-    needs to give back the power of the signal.
+    That of the fit is the variance of prediction errors, and for lines and bumps another.
     """
-    return model._replace(variance=power / power_gain(model.coefficients))
+    power = sum(float(s @ s) for s in node.noise) / sum(s.size for s in node.noise)
+    return model._replace(variance=power / passed_gain(model.coefficients, corner, rate))
 
 
 def _members(stretches: list[Stretch], least: int) -> list[list[Stretch]]:
@@ -246,84 +252,44 @@ def _assembled(
     nodes: Sequence[_Node], filters: Sequence[Autoregression], periodicity: Periodicity, kind: str,
     *, rate: float, friction: float, name: str,
 ) -> TextureModel:  # fmt: skip
-    """Return the model: what was recorded, and a rim round the plane of force and speed.
+    """Return the model: what was recorded and, where it is needed, a rim round the plane.
 
-    At rest and in the air there is silence; towards the largest force and speed the nearest
-    recorded model goes on. So every place up to them lies in a triangle, as HaTT has it.
-    A harmonic model's rim goes on from the nearest place between recorded models, and the model
-    fades by itself: silent models at rest would be mixed into places between recorded ones.
+    Of noise, there is silence at rest and in the air, and towards the largest force and speed the
+    nearest recorded model goes on: so every place up to them lies in a triangle, as HaTT has it.
+    A harmonic model goes on and fades by itself, and models on a rim would be mixed into places
+    between recorded ones. Only if all were recorded on one line does it have such a rim, too.
     """
     speeds, forces = np.array([(node.speed, node.force) for node in nodes]).T
     lsf = np.array([frequencies_of(f.coefficients) for f in filters])
     variance = np.array([f.variance for f in filters])
     lines = _spatial_lines(nodes, periodicity)
-    mixing = _Mixing(speeds, forces) if kind == "harmonic" else None
-    top = np.array([speeds.max(), forces.max()])
-    places = np.column_stack([speeds, forces]) / top
-    recorded = len(filters)
-    for place in _rim(places):
-        nearest = int(np.argmin(np.linalg.norm(places[:recorded] - place, axis=1)))
-        shares = np.eye(recorded)[nearest] if mixing is None else mixing.at(*(place * top))
-        fresh = shares @ lsf[:recorded]
-        level, size = variance[nearest], np.zeros(lines.shape[1])
-        if mixing is not None:
-            gains = [power_gain(f.coefficients) for f in filters]
-            rms = float(shares @ np.sqrt(variance[:recorded] * gains))
-            level = rms**2 / power_gain(coefficients_of(fresh))
-            mean = shares @ lines[:recorded]
-            size = shares @ np.abs(lines[:recorded]) * np.exp(1j * np.angle(mean))
-        places = np.vstack([places, place])
-        lsf = np.vstack([lsf, fresh])
-        variance = np.append(variance, level * (mixing is not None or place.min() > 0.0))
-        lines = np.vstack([lines, size])
+    triangles = None
+    if kind == "harmonic":
+        with suppress(AsperityError):  # all on one line
+            triangles = without_slivers(triangulated(speeds, forces, stretch=_STRETCH))
+    if triangles is None:
+        top = np.array([speeds.max(), forces.max()])
+        recorded = np.column_stack([speeds, forces]) / top
+        rim = np.array(rim_places(recorded))
+        away = np.linalg.norm(recorded[:, None] - rim, axis=2)
+        nearest = np.append(np.arange(len(recorded)), away.argmin(axis=0))
+        silent = np.append(np.zeros(len(recorded), bool), rim.min(axis=1) == 0.0)
+        speeds, forces = (np.vstack([recorded, rim]) * top).T
+        lsf, variance, lines = lsf[nearest], variance[nearest], lines[nearest]
+        variance[silent & (kind == "noise")] = 0.0
     common = {
-        "name": name, "rate": rate, "speeds": places[:, 0] * top[0],
-        "forces": places[:, 1] * top[1], "ar": lsf, "variance": variance, "friction": friction,
+        "name": name, "rate": rate, "speeds": speeds, "forces": forces, "ar": lsf,
+        "variance": variance, "friction": friction, "triangles": triangles,
     }  # fmt: skip
     if kind == "noise":
         return TextureModel(**common)
+    measured = [(node.speed, node.force) for node in nodes]
+    slowest, lightest = np.min(measured, axis=0)
     return HarmonicModel(
         **common, periods=periodicity.periods, harmonics=periodicity.harmonics, lines=lines,
-        high_pass=HIGH_PASS, slowest=float(speeds.min()), lightest=float(forces.min()),
+        high_pass=HIGH_PASS, noise_high_pass=HIGH_PASS, slowest=float(slowest),
+        lightest=float(lightest),
     )  # fmt: skip
-
-
-def _rim(places: Array) -> list[Array]:
-    """Return places on the rim of the unit square where no model of `places` (n, 2) stands."""
-    rim, out = [], []
-    for k in range(_RIM):
-        s = k / (_RIM - 1)
-        rim += [(0.0, s), (s, 0.0), (1.0, s), (s, 1.0)]
-    for place in dict.fromkeys(rim):
-        nearest = float(np.linalg.norm(places - place, axis=1).min())
-        close = nearest < 0.5 / (_RIM - 1)
-        # Where a model stands close by, the corner alone is needed to close the plane.
-        if 0.0 in place or not close or (place == (1.0, 1.0) and nearest > 0.0):
-            out.append(np.array(place))
-    return out
-
-
-class _Mixing:
-    """Shares of recorded models at any place; beyond them, at the nearest place between them."""
-
-    def __init__(self, speeds: Array, forces: Array) -> None:
-        self._places = np.column_stack([speeds / speeds.max(), forces / forces.max()])
-        self._top = np.array([speeds.max(), forces.max()])
-        self._mesh: Triangulation | None = None
-        with suppress(AsperityError):  # all on one line: the nearest model alone
-            self._mesh = triangulated(speeds, forces)
-
-    def at(self, speed: float, force: float) -> Array:
-        """Return the shares (n,) at a speed [m/s] and a force [N]."""
-        out = np.zeros(len(self._places))
-        if self._mesh is None:
-            away = np.linalg.norm(self._places - np.array([speed, force]) / self._top, axis=1)
-            out[int(np.argmin(away))] = 1.0
-            return out
-        corners, shares = np.empty(3, np.int64), np.empty(3)
-        weigh(self._mesh, speed, force, -1, corners, shares)
-        np.add.at(out, corners, shares)
-        return out
 
 
 def _spatial_lines(nodes: Sequence[_Node], periodicity: Periodicity) -> Amplitudes:

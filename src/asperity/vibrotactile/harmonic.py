@@ -7,7 +7,8 @@ travelled distance. So its part is kept as sines over distance, and only the rem
 
 x the travelled distance, lambda_j one of the texture's periods, m_j = 1, 2, ... a harmonic of it,
 k_j = m_j / lambda_j. G is the known gain of the high-pass filter behind every recording
-(`signals.explored`), which is divided out of the amplitudes so that they may be mixed over speed.
+(`signals.explored`), which is divided out of the amplitudes so that they may be mixed over speed;
+the noise passes it as a filter, behind the AR filter (`high_pass`).
 Sines plus filtered noise are the "spectral modelling" of sounds (Serra & Smith 1990); that such a
 model of a texture follows the position is asperity's. See `docs/methods/recorded-vibration.md`.
 """
@@ -20,10 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Indices
-from asperity.errors import AsperityError, require_not_negative
+from asperity.errors import AsperityError, require_between, require_not_negative
 from asperity.vibrotactile.ar import damped, levinson
+from asperity.vibrotactile.high_pass import sections, spectral_grid
 from asperity.vibrotactile.lsf import coefficients_of, frequencies_of, power_gain
 from asperity.vibrotactile.model import Filter, TextureModel
+from asperity.vibrotactile.triangles import rim_places
 
 Amplitudes = NDArray[np.complex128]
 MOST_LINES = 64
@@ -46,25 +49,29 @@ class HarmonicModel(TextureModel):
         the phase relative to the first line of the same period.
     high_pass : float
         Corner of the filter behind the recordings [Hz], 0 if there was none.
+    noise_high_pass : float
+        Corner of the filter that the noise passes behind its AR filter [Hz], below a quarter of the
+        rate; 0 if there is none, and the AR filters have all of the spectrum.
     slowest, lightest : float
         Below this speed [m/s] the noise, and below this force [N] all, fade in proportion: to
         silence at rest and in the air. 0 where models themselves stand there.
 
     Notes
     -----
-    Line spectral frequencies, amplitudes of lines, and the *RMS* of the noise are mixed
-    barycentrically, where `TextureModel` mixes the variance of the excitation: a mix of two filters
-    may ring more than either, so a mixed excitation does not keep the RMS.
+    Line spectral frequencies, amplitudes of lines, and the *RMS* of the noise before its high-pass
+    filter are mixed barycentrically, where `TextureModel` mixes the variance of the excitation: a
+    mix of two filters may ring more than either, so a mixed excitation does not keep the RMS.
     """
 
     periods: Array = field(default_factory=lambda: np.empty(0))
     harmonics: Indices = field(default_factory=lambda: np.empty((0, 2), np.int64))
     lines: Amplitudes = field(default_factory=lambda: np.empty((0, 0), np.complex128))
     high_pass: float = 20.0
+    noise_high_pass: float = 0.0
     slowest: float = 0.0
     lightest: float = 0.0
     noise_rms: Array = field(init=False, repr=False)
-    """(n,) of the noise alone [m/s^2]."""
+    """(n,) of the noise alone, before its high-pass filter [m/s^2]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -92,6 +99,7 @@ class HarmonicModel(TextureModel):
             )
         for name in ("high_pass", "slowest", "lightest"):
             require_not_negative(f"{name} of a harmonic model", getattr(self, name))
+        require_between("noise_high_pass", self.noise_high_pass, 0.0, 0.25 * self.rate, "Hz")
         gains = [power_gain(coefficients_of(row)) for row in self.ar]
         for name, value in {
             "periods": periods, "harmonics": harmonics, "lines": lines,
@@ -105,12 +113,15 @@ class HarmonicModel(TextureModel):
         return np.asarray(self.harmonics[:, 1] / self.periods[self.harmonics[:, 0]])
 
     def filter_at(self, speed: float, force: float) -> Filter:
-        """Return the filter of the noise at a speed [m/s] and force [N]."""
+        """Return the filter of the noise, high-pass and all, at a speed [m/s] and force [N]."""
         corners, shares = self.weights(speed, force)
-        ar = coefficients_of(shares @ self.ar[corners])
+        ar, ma = coefficients_of(shares @ self.ar[corners]), np.ones(1)
         level = fade(speed, self.slowest) * fade(force, self.lightest)
         power = (level * float(shares @ self.noise_rms[corners])) ** 2
-        return Filter(ar, np.ones(1), power / power_gain(ar))
+        variance = power / power_gain(ar)
+        for section in sections(self.noise_high_pass, self.rate):
+            ma, ar = np.convolve(ma, section[:3]), np.convolve(ar, section[3:])
+        return Filter(ar, ma, variance)
 
     def amplitudes_at(self, speed: float, force: float) -> Array:
         """Return the amplitudes (h,) [m/s^2] of the lines at a speed [m/s] and force [N]."""
@@ -147,7 +158,7 @@ def as_noise(model: HarmonicModel, bandwidth: float = 4.0) -> tuple[TextureModel
     Every line becomes a resonance of the same power: the AR filter of the sum of both
     autocovariances, by Levinson's recursion. What is lost is the phase: the share is that of the
     lines in all power, the mean over the models. Of a model without lines nothing is lost but the
-    mixing by RMS.
+    mixing by RMS, and how sharply a high-pass filter behind the noise ends it.
 
     Parameters
     ----------
@@ -155,24 +166,27 @@ def as_noise(model: HarmonicModel, bandwidth: float = 4.0) -> tuple[TextureModel
     bandwidth : float
         No resonance becomes narrower [Hz].
     """
-    order = model.order
-    lsf, variance = model.ar.copy(), model.variance.copy()
+    order, grid = model.order, spectral_grid(model.rate)
+    speeds, forces, triangles = model.speeds, model.forces, model.triangles
+    if speeds.min() > 0.0:  # noise alone does not fade by itself
+        top = np.array([speeds.max(), forces.max()])
+        places = np.column_stack([speeds, forces]) / top
+        speeds, forces = (np.vstack([places, *rim_places(places)]) * top).T
+        triangles = None
+    lsf, variance = np.empty((speeds.size, order)), np.zeros(speeds.size)
     shares = []
     lags = np.arange(order + 1)
-    for i, (speed, force) in enumerate(zip(model.speeds, model.forces, strict=True)):
+    for i, (speed, force) in enumerate(zip(speeds, forces, strict=True)):
         frequency = model.wavenumbers * speed
         powers = 0.5 * model.amplitudes_at(speed, force) ** 2
-        own = model.filter_at(speed, force)
-        quiet = own.variance * power_gain(own.ar)
-        total = quiet + float(powers.sum())
-        variance[i] = own.variance
+        density = model.filter_at(speed, force).density(grid, model.rate)
+        noise = 0.5 * model.rate * np.fft.irfft(density)[: order + 1]
+        total = float(noise[0] + powers.sum())
         if total == 0.0 or speed == 0.0:
-            variance[i] = 0.0
+            corners, weights = model.weights(speed, force)
+            lsf[i] = weights @ model.ar[corners]
             continue
         shares.append(float(powers.sum()) / total)
-        if shares[-1] == 0.0:
-            continue
-        noise = _autocovariance(own.ar, order) * quiet
         tones = np.cos(2.0 * np.pi * np.outer(lags, frequency) / model.rate) @ powers
         covariance = noise + tones
         covariance[0] *= 1.0 + 1e-9
@@ -180,26 +194,7 @@ def as_noise(model: HarmonicModel, bandwidth: float = 4.0) -> tuple[TextureModel
         lsf[i] = frequencies_of(fresh.coefficients)
         variance[i] = total / power_gain(fresh.coefficients)
     plain = TextureModel(
-        model.name, model.rate, model.speeds, model.forces, lsf, variance,
-        friction=model.friction, triangles=model.triangles,
+        model.name, model.rate, speeds, forces, lsf, variance,
+        friction=model.friction, triangles=triangles,
     )  # fmt: skip
     return plain, float(np.mean(shares)) if shares else 0.0
-
-
-def _autocovariance(coefficients: Array, order: int) -> Array:
-    """Return lags 0 to `order` of the output of 1 / A, over its variance: the step-up recursion."""
-    a = np.asarray(coefficients, dtype=np.float64)
-    # Predictors of all lower orders, from the highest down.
-    ladder = [a]
-    for i in range(a.size - 1, 0, -1):
-        k = ladder[-1][i]
-        ladder.append((ladder[-1][:i] - k * ladder[-1][i:0:-1]) / (1.0 - k * k))
-    r, error = np.zeros(order + 1), 1.0
-    r[0] = 1.0
-    for i in range(1, min(a.size - 1, order) + 1):
-        before, now = ladder[a.size - i], ladder[a.size - 1 - i]
-        r[i] = -now[i] * error - float(before[1:i] @ r[i - 1 : 0 : -1])
-        error *= 1.0 - now[i] ** 2
-    for i in range(a.size, order + 1):
-        r[i] = -float(a[1:] @ r[i - 1 : i - a.size : -1])
-    return r

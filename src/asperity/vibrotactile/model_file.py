@@ -21,8 +21,11 @@ from asperity.vibrotactile.hatt import read_hatt
 from asperity.vibrotactile.model import HIGHEST_ORDER, MOST_MODELS, TextureModel
 
 FORMAT = "asperity vibration model"
-SCHEMA = 1
-"""Version of the files that are written; files of versions up to it are read."""
+SCHEMA = 2
+"""Version of the files that are written; files of versions up to it are read.
+
+In files of version 1, the noise beside lines passes no high-pass filter behind its AR filter.
+"""
 _LARGEST = 64 * 2**20
 """Of a file [bytes]."""
 
@@ -42,10 +45,10 @@ def write_model(model: TextureModel, path: str | Path) -> None:
     }  # fmt: skip
     if isinstance(model, HarmonicModel):
         out |= {
-            "high_pass_hz": model.high_pass, "slowest_m_s": model.slowest,
-            "lightest_n": model.lightest, "periods_m": model.periods.tolist(),
-            "harmonics": model.harmonics.tolist(), "lines_real": model.lines.real.tolist(),
-            "lines_imaginary": model.lines.imag.tolist(),
+            "high_pass_hz": model.high_pass, "noise_high_pass_hz": model.noise_high_pass,
+            "slowest_m_s": model.slowest, "lightest_n": model.lightest,
+            "periods_m": model.periods.tolist(), "harmonics": model.harmonics.tolist(),
+            "lines_real": model.lines.real.tolist(), "lines_imaginary": model.lines.imag.tolist(),
         }  # fmt: skip
     else:
         out |= {"ma_lsf": model.ma.tolist(), "gain": model.gain.tolist()}
@@ -118,6 +121,7 @@ def _model(content: Any) -> TextureModel:
     return HarmonicModel(
         **common, periods=_array(content, "periods_m", (None,)), harmonics=harmonics,
         lines=real + 1j * imaginary, high_pass=_number(content, "high_pass_hz"),
+        noise_high_pass=_number(content, "noise_high_pass_hz") if schema > 1 else 0.0,
         slowest=_number(content, "slowest_m_s"), lightest=_number(content, "lightest_n"),
     )  # fmt: skip
 

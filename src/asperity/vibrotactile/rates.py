@@ -10,8 +10,8 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_between
 from asperity.vibrotactile.ar import damped, levinson
-from asperity.vibrotactile.lsf import frequencies_of
-from asperity.vibrotactile.model import TextureModel
+from asperity.vibrotactile.lsf import coefficients_of, frequencies_of
+from asperity.vibrotactile.model import Filter, TextureModel
 
 _BINS = 1 << 14
 _NARROWEST = 1.0
@@ -37,10 +37,9 @@ def at_rate(model: TextureModel, rate: float) -> TextureModel:
     order = max(model.order, model.ma.shape[1])
     frequency = np.linspace(0.0, 0.5 * rate, _BINS + 1)
     lsf, variance = np.empty((len(model.speeds), order)), np.empty(len(model.speeds))
-    for i, (speed, force) in enumerate(zip(model.speeds, model.forces, strict=True)):
+    for i in range(len(model.speeds)):
         silent = model.variance[i] == 0.0
-        density = model.filter_at(speed, force)._replace(variance=1.0)
-        power = density.density(frequency, model.rate)
+        power = _own_filter(model, i).density(frequency, model.rate)
         # A spectrum sampled from 0 to half the rate is a real, even one; its transform is the
         # autocovariance [m^2/s^4].
         covariance = np.fft.irfft(power)[: order + 1] * 0.5 * rate
@@ -51,6 +50,12 @@ def at_rate(model: TextureModel, rate: float) -> TextureModel:
     return replace(
         model, rate=rate, ar=lsf, variance=variance, ma=np.empty((0, 0)), gain=np.empty(0)
     )
+
+
+def _own_filter(model: TextureModel, i: int) -> Filter:
+    """Return filter i, for an excitation of variance 1, before any high-pass filter behind it."""
+    ma = coefficients_of(model.ma[i]) * model.gain[i] if model.ma.shape[1] else np.ones(1)
+    return Filter(coefficients_of(model.ar[i]), ma, 1.0)
 
 
 def raised(samples: Array, rate: float, higher: float) -> Array:

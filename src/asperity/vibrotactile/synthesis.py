@@ -12,6 +12,7 @@ from asperity._core.arrays import Array
 from asperity._core.kernels import kernel
 from asperity.errors import AsperityError
 from asperity.vibrotactile.harmonic import FADES_FROM, HarmonicModel
+from asperity.vibrotactile.high_pass import sections
 from asperity.vibrotactile.lsf import fill_coefficients
 from asperity.vibrotactile.model import TextureModel
 from asperity.vibrotactile.triangles import Triangulation, weigh
@@ -44,6 +45,7 @@ class Synthesiser:
         self._out = np.zeros(self.model.order)
         self._in = np.zeros(self.model.ma.shape[1])
         self._triangle = -1
+        self._passed = np.zeros((len(self._filters.sections), 2))
         self._turns = np.zeros(self._lines.turns.size)
 
     def next(self, speed: float, force: float) -> float:
@@ -63,7 +65,7 @@ class Synthesiser:
             raise AsperityError("speeds and forces must be finite numbers")
         out = np.empty(v.size)
         noise = self._noise.standard_normal(v.size)
-        history = History(self._out, self._in, self._turns)
+        history = History(self._out, self._in, self._passed, self._turns)
         self._triangle = synthesise(
             self._filters, self._lines, Drive(v, f, noise), history, self._triangle, out
         )
@@ -72,10 +74,11 @@ class Synthesiser:
 
 def _bank(model: TextureModel) -> FilterBank:
     # Without RMS of their own, models are mixed by the variance of the excitation.
-    rms, full = np.empty(0), (0.0, 0.0)
+    rms, full, passes = np.empty(0), (0.0, 0.0), np.empty((0, 6))
     if isinstance(model, HarmonicModel):
         rms, full = model.noise_rms, (float(model.slowest), float(model.lightest))
-    return FilterBank(model.mesh, model.ar, model.ma, model.variance, model.gain, rms, full)
+        passes = sections(model.noise_high_pass, model.rate)
+    return FilterBank(model.mesh, model.ar, model.ma, model.variance, model.gain, rms, full, passes)
 
 
 def _lines_of(model: TextureModel) -> Lines:
@@ -100,6 +103,8 @@ class FilterBank(NamedTuple):
     """(n,) of each filter's output [m/s^2], or (0,) to mix the variance instead."""
     full: tuple[float, float]
     """Speed [m/s] and force [N] from which on nothing is faded."""
+    sections: Array
+    """(s, 6) second-order sections that the noise passes behind the filter; (0, 6) for none."""
 
 
 class Lines(NamedTuple):
@@ -130,11 +135,17 @@ class History(NamedTuple):
     """Last samples, the newest first; changed in place."""
 
     outputs: Array
-    """(p,) of the noise [m/s^2]"""
+    """(p,) of the AR filter [m/s^2]; where `FilterBank.rms` is given, states of its lattice"""
     excitations: Array
     """(q,) [m/s^2]"""
+    passed: Array
+    """(s, 2) of the sections, whose transposed direct form II this is [m/s^2]"""
     phases: Array
     """(h,) of the lines [turns]"""
+
+
+_ROUND = 1.0 - 1e-12
+"""The largest reflection coefficient: rounding may take one of a near-line to 1."""
 
 
 @kernel
@@ -144,17 +155,17 @@ def synthesise(filters, lines, drive, history, triangle, out):
     `filters` is a `FilterBank`, `lines` are `Lines`, `drive` a `Drive`, `history` a `History`;
     `triangle` is where the search for the first sample's triangle starts.
     """
-    mesh, ar, ma, variance, gain, rms, full = filters
+    mesh, ar, ma, variance, gain, rms, full, passes = filters
     speeds, forces, noise = drive
-    before, excited, phases = history
+    before, excited, passed, phases = history
     p, q, h = ar.shape[1], ma.shape[1], phases.size
-    a, b = np.empty(p + 1), np.empty(q + 1)
+    a, b, reflections = np.empty(p + 1), np.empty(q + 1), np.empty(p)
     mixed_a, mixed_b = np.empty(p), np.empty(q)
     room = np.empty((2, max(p, q) + 3))
     cosines, sines = np.empty(h), np.empty(h)
     corners, weights = np.empty(3, np.int64), np.empty(3)
     last_speed, last_force = -1.0, -1.0
-    power, level = 0.0, 1.0
+    power, level, size = 0.0, 1.0, 0.0
     for i in range(out.size):
         if speeds[i] != last_speed or forces[i] != last_force:
             last_speed, last_force = speeds[i], forces[i]
@@ -178,25 +189,33 @@ def synthesise(filters, lines, drive, history, triangle, out):
             light = min(last_force / full[1], 1.0) if full[1] > 0.0 else 1.0
             if rms.size > 0:
                 size *= light * (min(last_speed / full[0], 1.0) if full[0] > 0.0 else 1.0)
-                power = size * size / ringing(a, room[0])
+                reflect(a, room[0], reflections)
             mix_lines(lines, corners, weights, last_speed, cosines, sines)
             cosines *= light
             sines *= light
-        fresh = np.sqrt(max(power, 0.0)) * noise[i]
-        total = fresh
-        if q > 0:
-            for j in range(q):
-                total += b[j + 1] * excited[j]
-            total *= level
-            for j in range(q - 1, 0, -1):
-                excited[j] = excited[j - 1]
-            excited[0] = fresh
-        for j in range(p):
-            total -= a[j + 1] * before[j]
-        for j in range(p - 1, 0, -1):
-            before[j] = before[j - 1]
-        if p > 0:
-            before[0] = total
+        if rms.size > 0:
+            total = size * through_lattice(noise[i], reflections, before)
+        else:
+            fresh = np.sqrt(max(power, 0.0)) * noise[i]
+            total = fresh
+            if q > 0:
+                for j in range(q):
+                    total += b[j + 1] * excited[j]
+                total *= level
+                for j in range(q - 1, 0, -1):
+                    excited[j] = excited[j - 1]
+                excited[0] = fresh
+            for j in range(p):
+                total -= a[j + 1] * before[j]
+            for j in range(p - 1, 0, -1):
+                before[j] = before[j - 1]
+            if p > 0:
+                before[0] = total
+        for j in range(passes.shape[0]):
+            s, entering = passes[j], total
+            total = s[0] * entering + passed[j, 0]
+            passed[j, 0] = s[1] * entering - s[4] * total + passed[j, 1]
+            passed[j, 1] = s[2] * entering - s[5] * total
         for j in range(h):
             turned = phases[j] + lines.turns[j] * speeds[i]
             phases[j] = turned - math.floor(turned)
@@ -208,24 +227,41 @@ def synthesise(filters, lines, drive, history, triangle, out):
 
 
 @kernel
-def ringing(a, room):
-    """Return the variance of 1 / A driven by white noise of variance 1; `room` holds (p + 1,)."""
-    out = 1.0
-    size = a.size
-    for i in range(size):
+def reflect(a, room, out):
+    """Fill the reflection coefficients (p,) of a stable filter; `room` holds (p + 1,)."""
+    for i in range(a.size):
         room[i] = a[i]
-    for i in range(size - 1, 0, -1):
-        k = room[i]
+    for i in range(a.size - 1, 0, -1):
+        k = min(max(room[i], -_ROUND), _ROUND)
+        out[i - 1] = k
         rest = 1.0 - k * k
-        if rest <= 0.0:
-            return np.inf
-        out /= rest
         for j in range(1, i // 2 + 1):
             low, high = room[j], room[i - j]
             room[j] = (low - k * high) / rest
             if i - j > j:
                 room[i - j] = (high - k * low) / rest
-    return out
+
+
+@kernel
+def through_lattice(noise, reflections, states):
+    """Return the next output of 1 / A, of variance 1, for white noise of variance 1.
+
+    The normalised lattice (Gray & Markel 1975): each of its stages turns two numbers, so what is in
+    `states` (p,) stays white and of variance 1 whatever the filter, and however fast it changes. A
+    filter in direct form may grow without bounds if it changes.
+    """
+    forward = noise
+    p = reflections.size
+    for i in range(p - 1, -1, -1):
+        k = reflections[i]
+        c = math.sqrt(1.0 - k * k)
+        backward = states[i]
+        if i + 1 < p:
+            states[i + 1] = k * forward + c * backward
+        forward = c * forward - k * backward
+    if p > 0:
+        states[0] = forward
+    return forward
 
 
 @kernel

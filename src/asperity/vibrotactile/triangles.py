@@ -14,6 +14,10 @@ from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import kernel
 from asperity.errors import AsperityError
 
+_RIM = 5
+"""Models along each side of the plane where nothing was recorded."""
+_ONE = 1.05
+"""Speeds, or forces, are one if the largest is at most so many times the least."""
 _FLAT = 1e-10
 """A triangle of less than this area (of 1 x 1) is none."""
 
@@ -33,10 +37,13 @@ class Triangulation(NamedTuple):
     """(2,) what places were divided by: m/s and N."""
 
 
-def triangulated(speeds: Array, forces: Array, triangles: Indices | None = None) -> Triangulation:
+def triangulated(
+    speeds: Array, forces: Array, triangles: Indices | None = None, *, stretch: float = 1.0
+) -> Triangulation:
     """Return the triangulation of models at `speeds` [m/s] and `forces` [N], (n,) each.
 
-    Without `triangles` (m, 3) it is Delaunay's, of the scaled places.
+    Without `triangles` (m, 3) it is Delaunay's, of the scaled places, of which speeds count
+    `stretch` times: the larger, the rather are neighbours of about one speed.
 
     Raises
     ------
@@ -47,7 +54,7 @@ def triangulated(speeds: Array, forces: Array, triangles: Indices | None = None)
     places = np.ascontiguousarray(np.column_stack([speeds, forces]) / scale)
     if triangles is None:
         try:
-            triangles = Delaunay(places).simplices.astype(np.int64)
+            triangles = Delaunay(places * [stretch, 1.0]).simplices.astype(np.int64)
         except (QhullError, ValueError):
             triangles = np.empty((0, 3), np.int64)
     if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(places)):
@@ -57,14 +64,49 @@ def triangulated(speeds: Array, forces: Array, triangles: Indices | None = None)
     corners = places[triangles]
     edges = corners[:, :2] - corners[:, 2:]
     areas = 0.5 * np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
-    triangles = np.ascontiguousarray(triangles[areas > _FLAT])
+    inside = areas > _FLAT
+    triangles = np.ascontiguousarray(triangles[inside])
     if not len(triangles):
         raise AsperityError(
             f"{len(places)} models lie on one line in force and speed; at least two speeds and "
             "two forces are needed"
         )
-    inverses = np.linalg.inv(np.swapaxes(edges[areas > _FLAT], 1, 2))
+    inverses = np.linalg.inv(np.swapaxes(edges[inside], 1, 2))
     return Triangulation(places, triangles, np.ascontiguousarray(inverses), _rim(triangles), scale)
+
+
+def without_slivers(mesh: Triangulation) -> Indices:
+    """Return the triangles (m, 3) of a mesh without those along its rim between models in a line.
+
+    Models recorded at one speed, or one force, stand in a line but for chance. Where the middle one
+    stands a little inside, the rim passes it by, and so would all places beyond the rim.
+    """
+    corners = mesh.places[mesh.triangles]
+    in_line = (corners.max(axis=1) <= _ONE * corners.min(axis=1)).any(axis=1)
+    triangles = mesh.triangles
+    while True:
+        rim = set(map(tuple, _rim(triangles).tolist()))
+        edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).tolist()
+        outside = [any(tuple(edge) in rim for edge in own) for own in edges]
+        drop = in_line & np.array(outside)
+        if not drop.any() or drop.all():
+            return np.ascontiguousarray(triangles)
+        triangles, in_line = triangles[~drop], in_line[~drop]
+
+
+def rim_places(places: Array) -> list[Array]:
+    """Return places on the rim of the unit square where no model of `places` (n, 2) stands."""
+    rim, out = [], []
+    for k in range(_RIM):
+        s = k / (_RIM - 1)
+        rim += [(0.0, s), (s, 0.0), (1.0, s), (s, 1.0)]
+    for place in dict.fromkeys(rim):
+        nearest = float(np.linalg.norm(places - place, axis=1).min())
+        close = nearest < 0.5 / (_RIM - 1)
+        # Where a model stands close by, the corner alone is needed to close the plane.
+        if 0.0 in place or not close or (place == (1.0, 1.0) and nearest > 0.0):
+            out.append(np.array(place))
+    return out
 
 
 def _rim(triangles: Indices) -> Indices:

@@ -154,6 +154,41 @@ def test_claims_are_chosen_by_name():
         choose_claims(["ofset"])
 
 
+@pytest.mark.parametrize("name", CLAIMS)
+def test_a_claim_is_chosen_by_its_text_too(name):
+    claim = CLAIMS[name]
+    line = f"{claim.title}: {claim.what}"  # as the page has it
+    for text in (claim.title, claim.what, line, f" {line.upper()}.", claim.what[:60]):
+        assert choose_claims([text]) == (name,), text
+
+
+@pytest.mark.parametrize(
+    ("part", "name"),
+    [("round a loop", "energy"), ("4 and as 16 boxes", "meshing"), ("probe", "size")],
+)
+def test_a_part_that_one_claim_has_will_do(part, name):
+    assert choose_claims([part]) == (name,)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "texture",
+            r"'texture' fits 2: torque \(torque by texture\), tool \(texture of the tool\)",
+        ),
+        ("wavelength, at 43", "unknown claim"),
+        ("no work round the lop", "did you mean 'no work round a loop'"),
+        ("  ", "unknown claim '  '; choose from: offset, size"),
+        ("nane", "did you mean 'none'"),
+    ],
+)
+def test_a_text_of_no_claim_or_of_several_is_refused(text, said):
+    with pytest.raises(AsperityError, match=said) as caught:
+        choose_claims([text])
+    assert "\n" not in str(caught.value)
+
+
 def test_all_methods_have_stored_claims():
     assert set(stored_claims()) == set(METHODS)
 

@@ -174,6 +174,7 @@ def test_a_law_of_one_point_says_that_hammer_and_blocks_are_meshes(tmp_path, cap
     [
         (["probe-plate", "--method", "minski"], "did you mean 'minsky'"),
         (["probe-plate", "--claim", "ofset"], "did you mean 'offset'"),
+        (["probe-plate", "--claim", "texture"], "fits 2: torque (torque by texture), tool"),
         (["probe-plate", "--method", "none.py"], "no such file: none.py"),
         (["probe-plat"], "did you mean 'probe-plate'"),
         (["probe-plate", "--motion", "wobble"], "unknown --motion 'wobble'"),

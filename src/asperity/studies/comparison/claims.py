@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from asperity._core.output import write_whole
-from asperity.errors import AsperityError, require_choice
+from asperity.errors import AsperityError, did_you_mean
 from asperity.studies.baselines import Method
 from asperity.studies.comparison.measures import Bench, OutOfTimeError
 from asperity.studies.stability.measure import Symptoms
@@ -132,11 +132,60 @@ class MethodClaims(NamedTuple):
 
 
 def choose_claims(names: Iterable[str]) -> tuple[str, ...] | None:
-    """Return claims by name in the order of `CLAIMS`; `all`, `none`; None if no name is given."""
-    wanted = {require_choice("claim", name, (*CLAIMS, "all", "none")) for name in names}
+    """Return claims in the order of `CLAIMS`; None if none is named.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Keys of `CLAIMS`, `all`, `none`; or the text of a claim, its title, its definition or both,
+        as the page shows them. A part of a text will do if no other claim has it; capitals do not
+        count.
+
+    Raises
+    ------
+    AsperityError
+        A name is that of no claim, or fits several.
+    """
+    wanted = {_claim_named(name) for name in names}
     if not wanted:
         return None
     return tuple(name for name in CLAIMS if name in wanted or "all" in wanted)
+
+
+def _claim_named(text: str) -> str:
+    """Return the key of a claim from its key, its text, or a part of it; also `all` and `none`."""
+    others = ("all", "none")
+    wanted = _plain(text)
+    if wanted in CLAIMS or wanted in others:
+        return wanted
+    titles = {name: _plain(claim.title) for name, claim in CLAIMS.items()}
+    texts = {
+        name: (titles[name], _plain(claim.what), _plain(f"{claim.title}: {claim.what}"))
+        for name, claim in CLAIMS.items()
+    }
+    # What is meant is in a title rather than in a definition, where other claims are named too.
+    for fitting in (
+        [name for name, own in texts.items() if wanted in own],
+        [name for name, title in titles.items() if wanted in title],
+        [name for name, own in texts.items() if wanted in own[2]],
+    ):
+        if wanted and len(fitting) == 1:
+            return fitting[0]
+        if wanted and fitting:
+            several = ", ".join(f"{name} ({CLAIMS[name].title})" for name in fitting)
+            raise AsperityError(f"claim {text!r} fits {len(fitting)}: {several}; give more of it")
+    near = did_you_mean(wanted, (*CLAIMS, *others))
+    # Words with a slip are compared with titles, too.
+    hint = near or did_you_mean(wanted, titles.values())
+    known = ", ".join((*CLAIMS, *others))
+    raise AsperityError(
+        f"unknown claim {text!r}{hint}; choose from: {known}; or give the text of one in quotes"
+    )
+
+
+def _plain(text: str) -> str:
+    """Return a text in small letters with single spaces, without the mark at its end."""
+    return " ".join(text.casefold().split()).rstrip(".;:")
 
 
 def stored_claims() -> dict[str, MethodClaims]:
