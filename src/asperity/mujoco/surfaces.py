@@ -36,7 +36,9 @@ _logger = logging.getLogger(__name__)
 MODES = ("contacts", "passive")
 _NODES = 100
 """Boxes that a search looks at: along a path the deepest place is found so, but not proved."""
-_SPRINGS_AND_DAMPERS = int(mujoco.mjtDisableBit.mjDSBL_SPRING | mujoco.mjtDisableBit.mjDSBL_DAMPER)
+_PASSIVE = ("mjDSBL_SPRING", "mjDSBL_DAMPER", "mjDSBL_PASSIVE")
+"""Flags without which there are no passive forces; the last one alone in older versions."""
+_NO_PASSIVE = sum(int(getattr(mujoco.mjtDisableBit, name, 0)) for name in _PASSIVE)
 
 
 def attach(
@@ -230,8 +232,7 @@ class Surfaces:
         state.replace(model, data, self._dissipation)
 
     def _refuse_without_callback(self) -> None:
-        off = int(self.model.opt.disableflags) & _SPRINGS_AND_DAMPERS
-        if off == _SPRINGS_AND_DAMPERS:
+        if int(self.model.opt.disableflags) & _NO_PASSIVE == _NO_PASSIVE:
             raise AsperityError(
                 "the model disables springs and dampers, and with both MuJoCo's passive forces, "
                 "through which textures come in; enable one of them"
