@@ -26,13 +26,21 @@ def data() -> Path:
     return _DATA
 
 
+@pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Have what waits for others run once more if it fails: a fault fails twice, and is told.
 
     A machine that holds a core for seconds makes any such test fail now and then; those that are
     about timing have clocks of their own.
+
+    What a module makes once for its tests is made in one process: they all run there.
     """
     here = Path(__file__).parent
+    for item in items:
+        made = getattr(item, "_fixtureinfo", None)
+        shared = made and any(d[-1].scope == "module" for d in made.name2fixturedefs.values())
+        if shared and item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
     for item in items:
         if here not in item.path.parents:
             continue

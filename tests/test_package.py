@@ -12,6 +12,8 @@ import pytest
 import asperity
 
 ROOT = Path(__file__).resolve().parents[1]
+SHORTER = {"06_tell_textures_apart.py": ("--strokes", "1")}
+"""Options of examples; what this one finds with more is in `mujoco/test_exploration.py`."""
 
 
 @pytest.mark.parametrize("name", asperity.__all__)
@@ -59,9 +61,8 @@ def test_first_force_loads_no_plotting_or_signal_library():
 )
 def test_examples_run(path, tmp_path):
     environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
-    subprocess.run(
-        [sys.executable, str(path)], cwd=tmp_path, env=environment, check=True, capture_output=True
-    )
+    command = [sys.executable, str(path), *SHORTER.get(path.name, ())]
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
 
 
 def test_every_module_says_what_it_is():

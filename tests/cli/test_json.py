@@ -186,6 +186,7 @@ def _folder(name):
     """Return the option by which a command writes into a folder of its own."""
     options = get_args(next(h for h in get_args(COMMANDS) if get_args(h)[1].name == name))[0]
     given = "--out" in COMMAND_LINES[name] or "out" not in options.__dataclass_fields__
+    given |= name == "findings"  # into a folder: `test_findings`
     return [] if given else ["--out", f"out-{name}"]
 
 

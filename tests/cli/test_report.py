@@ -57,6 +57,24 @@ def page(demo):
     return report_page(demo[0])
 
 
+@pytest.fixture(scope="module")
+def words(page, figures):
+    return linear_text(page, figures)
+
+
+@pytest.fixture(scope="module")
+def tab(page, tmp_path_factory):
+    """Return a browser's tab on the page, with all that can be opened open."""
+    if chromium() is None:
+        pytest.skip("no Chromium is installed")
+    file = tmp_path_factory.mktemp("page") / "report.html"
+    file.write_text(page, "utf-8")
+    with browser_tab() as made:
+        made.goto(f"file://{file}")
+        made.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
+        yield made
+
+
 def test_progress_is_told_as_often_as_announced(demo):
     _, told = demo
     assert (told["drags"], told["rubs"], told["ticks"]) == steps(SETTINGS)
@@ -107,24 +125,21 @@ def test_no_text_in_figures_is_cut_off_or_lies_on_another(figures):
     }
 
 
-@pytest.mark.skipif(chromium() is None, reason="no Chromium is installed")
 @pytest.mark.parametrize("width", [700, 900, 1100, 1440])
-def test_the_browser_shows_figures_no_smaller_than_made_and_scrolls_nothing(page, tmp_path, width):
-    (tmp_path / "report.html").write_text(page, "utf-8")
-    with browser_tab((width, 900)) as tab:
-        tab.goto(f"file://{tmp_path / 'report.html'}")
-        tab.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
-        sizes = tab.evaluate("[...document.querySelectorAll('figure img')].map(i => i.clientWidth)")
-        overlong = tab.evaluate(
-            "[...document.querySelectorAll('html, figure, section, table, td')]"
-            ".filter(one => one.scrollWidth > one.clientWidth + 1 && one.clientWidth > 0)"
-            ".map(one => one.tagName + ' ' + one.innerText.slice(0, 60))"
-        )
-        past = tab.evaluate(
-            "[...document.querySelectorAll('section *')]"
-            ".filter(one => one.getBoundingClientRect().right > window.innerWidth)"
-            ".map(one => one.tagName + ' ' + one.innerText)"
-        )
+def test_the_browser_shows_figures_no_smaller_than_made_and_scrolls_nothing(page, tab, width):
+    tab.set_viewport_size({"width": width, "height": 900})
+    assert tab.evaluate("window.innerWidth") == width
+    sizes = tab.evaluate("[...document.querySelectorAll('figure img')].map(i => i.clientWidth)")
+    overlong = tab.evaluate(
+        "[...document.querySelectorAll('html, figure, section, table, td')]"
+        ".filter(one => one.scrollWidth > one.clientWidth + 1 && one.clientWidth > 0)"
+        ".map(one => one.tagName + ' ' + one.innerText.slice(0, 60))"
+    )
+    past = tab.evaluate(
+        "[...document.querySelectorAll('section *')]"
+        ".filter(one => one.getBoundingClientRect().right > window.innerWidth)"
+        ".map(one => one.tagName + ' ' + one.innerText)"
+    )
     assert len(sizes) == page.count("<img")
     assert min(sizes) >= 96.0 * figure_style.REPORT_WIDTH - 1.0
     assert (overlong, past) == ([], [])
@@ -165,16 +180,15 @@ def linear_text(page, figures):
         ("tick", "<dfn>tick"), ("certified", "<dfn>certified"),
     ],
 )  # fmt: skip
-def test_no_symbol_comes_before_its_explanation(symbol, explained, figures, page):
-    text = linear_text(page, figures)
-    text = re.sub(rf"(?<=[\d.]) ?{UNITS}(?!\w)|\[{UNITS}\]", " ", text)
+def test_no_symbol_comes_before_its_explanation(symbol, explained, words):
+    text = re.sub(rf"(?<=[\d.]) ?{UNITS}(?!\w)|\[{UNITS}\]", " ", words)
     first = re.search(rf"(?<![\w'<]){re.escape(symbol)}(?![\w'²])", text)
     assert explained in text
     assert text.index(explained) <= first.start(), text[first.start() - 60 : first.start() + 20]
 
 
-def test_no_letter_stands_for_something_that_is_not_explained(figures, page):
-    text = re.sub(r"</?dfn>", "", linear_text(page, figures))
+def test_no_letter_stands_for_something_that_is_not_explained(words):
+    text = re.sub(r"</?dfn>", "", words)
     text = re.sub(r"\[[^\]]*\]", " ", text)  # units
     text = re.sub(rf"(?<=[\d.]) ?{UNITS}(?![\w])", " ", text)
     letters = set(re.findall(r"(?<![\w'’.])[A-Za-zα-ω](?![\w'’.])", text))

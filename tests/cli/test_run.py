@@ -17,7 +17,7 @@ FILES = {
 }  # fmt: skip
 
 
-def test_a_run_leaves_numbers_a_recording_and_figures(tmp_path, capsys):
+def test_a_run_leaves_numbers_a_recording_and_figures(full_pictures, tmp_path, capsys):
     out = tmp_path / "out"
     options = ["--speed-mm-s", "120", "--force-n", "0.4", "--anti-alias", "band"]
     assert main(["run", "probe-plate", *QUICK, *options, "--out", str(out)]) == 0
@@ -157,7 +157,7 @@ def meshes(tmp_path):
     ]  # fmt: skip
 
 
-def test_a_run_straight_from_meshes_and_an_image(meshes, tmp_path, capsys):
+def test_a_run_straight_from_meshes_and_an_image(full_pictures, meshes, tmp_path, capsys):
     out = tmp_path / "out"
     assert main([*meshes, "--seconds", "0.05", "--out", str(out)]) == 0
     summary = json.loads((out / "summary.json").read_text("utf-8"))

@@ -31,7 +31,9 @@ def covered(made, participant, samples=20):
         x.append(trial.intensity)
         right.append(trial.is_right(answer))
     truth = np.log10(made.simulated.threshold)
-    fit = fit_psychometric(x, right, function=made.simulated.function, samples=samples)
+    fit = fit_psychometric(
+        x, right, function=made.simulated.function, samples=samples, quantities=("threshold",)
+    )
     return fit.threshold.low <= truth <= fit.threshold.high, fit.function.threshold - truth
 
 

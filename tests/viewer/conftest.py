@@ -13,8 +13,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 def pytest_collection_modifyitems(items):
     """Have one process do all tests that use the page: two servo loops are more than two cores."""
+    here = Path(__file__).parent
     for item in items:
-        if "page" in getattr(item, "fixturenames", ()):
+        if item.path.parent == here and "page" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.xdist_group("page"))
 
 

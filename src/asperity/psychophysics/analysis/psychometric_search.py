@@ -30,7 +30,7 @@ _GRID = (21, 13, 3)
 _STEPS = 13
 _FINER = 3
 """Number of refinements of an interval's end."""
-_MOST = 2_000_000
+_MOST = 200_000
 """Largest number of probabilities in memory at once."""
 
 
@@ -278,27 +278,29 @@ class LikelihoodSearch:
         by = grid[0, :, 1 if free[1] else 0]
         parts = np.linspace(by.min(), by.max(), _STARTS + 1)[1:-1]
         rows, part = np.arange(len(likely)), np.searchsorted(parts, by)
+        starts = [np.argmax(np.where(part == i, likely, -np.inf), 1) for i in range(_STARTS)]
+        at = np.stack([grid[rows % len(grid), start] for start in starts], axis=1)
+        found = self._climbed(at, hits, free, held)
         out, most = np.zeros((len(likely), 3)), np.full(len(likely), -np.inf)
         for i in range(_STARTS):
-            start = np.argmax(np.where(part == i, likely, -np.inf), axis=1)
-            found = self._climbed(grid[rows % len(grid), start], hits, free, held)
-            now = self.likelihood(hits, plain(found))
-            out = np.where((now > most)[:, None], found, out)
+            now = self.likelihood(hits, plain(found[:, i]))
+            out = np.where((now > most)[:, None], found[:, i], out)
             most = np.maximum(most, now)
         return out
 
     def _climbed(
         self, at: Array, hits: Array, free: NDArray[np.bool_], held: tuple[str, Array] | None
     ) -> Array:
-        """Return the points (n, 3) to which scoring leads from points."""
-        out, chunk = np.array(at), max(1, _MOST // (4 * self._x.shape[1]))
+        """Return the points (n, s, 3) to which scoring leads from s points for each of n."""
+        out, chunk = np.array(at), max(1, _MOST // (at.shape[1] * self._x.shape[1]))
         for first in range(0, len(at), chunk):
-            part = slice(first, first + chunk)
-            kept = None if held is None else (held[0], held[1][part])
-            own = part if len(self._x) > 1 else slice(None)
+            rows = np.repeat(np.arange(first, min(first + chunk, len(at))), at.shape[1])
+            kept = None if held is None else (held[0], held[1][rows])
+            own = rows if len(self._x) > 1 else slice(None)
             sessions = self._x[own], self._count[own], self._low[own], self._high[own]
-            climb = Climb(self, sessions, hits[part], np.flatnonzero(free), kept)
-            out[part] = climb.from_points(at[part])
+            climb = Climb(self, sessions, hits[rows], np.flatnonzero(free), kept)
+            ends = climb.from_points(at[first : first + chunk].reshape(-1, 3))
+            out[first : first + chunk] = ends.reshape(-1, *at.shape[1:])
         return out
 
     def _lattice(self, held: int | None) -> Array:

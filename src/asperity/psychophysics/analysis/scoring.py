@@ -49,18 +49,17 @@ class Climb:
     def from_points(self, at: Array) -> Array:
         """Return the points (n, 3) to which scoring from points leads."""
         at, damping = np.array(at), np.full(len(at), 1e-3)
-        likely, live = np.full(len(at), -np.inf), np.arange(len(at))
-        likely = self._likely(at, live, self._psi(at, live))
+        live, parts = np.arange(len(at)), np.array(_PARTS)[:, None]
+        likely = self._likely(at[:, None], live)[:, 0]
         for _ in range(_ROUNDS):
             step = self._step(at[live], live, damping[live])
-            moved, now = at[live], np.full(len(live), -np.inf)
             # Where the function fits badly, whole steps go too far.
-            for part in _PARTS:
-                tried = np.clip(at[live] + part * step, self._low[live], self._high[live])
-                tried = self._on(tried, live)
-                height = self._likely(tried, live, self._psi(tried, live))
-                moved = np.where((height > now)[:, None], tried, moved)
-                now = np.maximum(now, height)
+            tried = at[live, None] + parts * step[:, None]
+            tried = np.clip(tried, self._low[live, None], self._high[live, None])
+            tried = self._on(tried, live)
+            heights = self._likely(tried, live)
+            best = np.arange(len(live)), np.argmax(heights, axis=1)
+            moved, now = tried[best], heights[best]
             better = now > likely[live]
             gain = np.where(better, now, 0.0) - np.where(better, likely[live], 0.0)
             at[live[better]], likely[live[better]] = moved[better], now[better]
@@ -73,45 +72,47 @@ class Climb:
         return at
 
     def _on(self, points: Array, live: NDArray[np.intp]) -> Array:
-        """Return points (n, 3) with the held quantity in place."""
+        """Return points (n, k, 3) with the held quantity in place."""
         if self._held is None:
             return points
         quantity, values = self._held
-        return self._search.with_held(points[:, None], quantity, values[live])[:, 0]
+        return self._search.with_held(points, quantity, values[live])
 
     def _psi(self, points: Array, live: NDArray[np.intp]) -> Array:
-        return self._search.psi_at(self._x[live], plain(points))
+        """Return the probabilities (n, k, m) of points (n, k, 3)."""
+        return self._search.psi_at(self._x[live, None], plain(points))
 
-    def _likely(self, points: Array, live: NDArray[np.intp], p: Array) -> Array:
-        hits, low, high = self._hits[live], self._low[live], self._high[live]
-        out = (hits * np.log(p) + (self._count[live] - hits) * np.log1p(-p)).sum(axis=1)
-        inside = self._search.inside(points[:, None], low, high)[:, 0]
-        return np.where(inside, out, -np.inf)
+    def _likely(self, points: Array, live: NDArray[np.intp]) -> Array:
+        """Return the log likelihood (n, k) of points (n, k, 3); -inf beyond the bounds."""
+        p, hits, count = self._psi(points, live), self._hits[live], self._count[live]
+        out = hits[:, None] * np.log(p) + (count - hits)[:, None] * np.log1p(-p)
+        inside = self._search.inside(points, self._low[live], self._high[live])
+        return np.where(inside, out.sum(axis=-1), -np.inf)
 
     def _step(self, at: Array, live: NDArray[np.intp], damping: Array) -> Array:
         """Return the damped scoring steps (n, 3)."""
-        p, low, high = self._psi(at, live), self._low[live], self._high[live]
-        slopes = []
-        for column in self._free:
-            # Away from the bound, so that both points are within.
-            apart = _STEP * (high[:, column] - low[:, column])
-            apart = np.where(at[:, column] + apart > high[:, column], -apart, apart)
-            near = np.array(at)
-            near[:, column] += apart
-            slopes.append((self._psi(self._on(near, live), live) - p) / apart[:, None])
-        slope, weight = np.stack(slopes, axis=1), 1.0 / (p * (1.0 - p))  # (n, k, m), (n, m)
+        free, low, high = self._free, self._low[live], self._high[live]
+        # Away from the bound, so that both points are within.
+        apart = _STEP * (high - low)[:, free]
+        apart = np.where(at[:, free] + apart > high[:, free], -apart, apart)
+        near = np.repeat(at[:, None], 1 + len(free), axis=1)
+        near[:, 1 + np.arange(len(free)), free] += apart
+        psi = self._psi(self._on(near, live), live)
+        p = psi[:, 0]
+        slope = (psi[:, 1:] - psi[:, :1]) / apart[:, :, None]  # (n, k, m)
+        weight = 1.0 / (p * (1.0 - p))
         uphill = np.einsum("nkm,nm->nk", slope, (self._hits[live] - self._count[live] * p) * weight)
         curved = np.einsum("nkm,nlm,nm->nkl", slope, slope, self._count[live] * weight)
         # Parameters at a bound beyond which it rises stay there.
-        here, small = at[:, self._free], 1e-12
-        stuck = (here <= low[:, self._free] + small) & (uphill < 0.0)
-        stuck |= (here >= high[:, self._free] - small) & (uphill > 0.0)
+        here, small = at[:, free], 1e-12
+        stuck = (here <= low[:, free] + small) & (uphill < 0.0)
+        stuck |= (here >= high[:, free] - small) & (uphill > 0.0)
         uphill[stuck] = 0.0
         curved *= ~stuck[:, :, None] & ~stuck[:, None, :]
         size = np.einsum("nkk->nk", curved)
         size += damping[:, None] * size + np.where(size > 1e-9, 1e-9, 1.0)
         out = np.zeros_like(at)
-        out[:, self._free] = np.linalg.solve(curved, uphill[:, :, None])[:, :, 0]
+        out[:, free] = np.linalg.solve(curved, uphill[:, :, None])[:, :, 0]
         return out
 
 

@@ -147,6 +147,7 @@ class SiiraPaiRenderer(PointRenderer):
 
     def __init__(self, scene: Scene, dt: float, roughness: float | None, seed: int) -> None:
         self._roughness, self.seed = roughness, seed
+        self._slopes = {body.name: rms_slope(body) for body in scene.bodies}
         super().__init__(scene, dt)
 
     def reset(self) -> None:
@@ -162,7 +163,7 @@ class SiiraPaiRenderer(PointRenderer):
             return np.asarray(push * touch.normal + pull)
         rough = self._roughness
         if rough is None:
-            rough = rms_slope(touch.there.body)
+            rough = self._slopes[touch.there.body.name]
         along, across = rough * push * self._random.standard_normal(2)
         return np.asarray(max(push + along, 0.0) * touch.normal + pull + across * moved / length)
 
