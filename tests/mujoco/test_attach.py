@@ -170,9 +170,10 @@ def test_a_step_too_long_for_the_stiffness_is_told_once(model):
 
 
 def test_without_passive_forces_there_is_no_way_in(model):
-    model.opt.disableflags = int(
-        mujoco.mjtDisableBit.mjDSBL_SPRING | mujoco.mjtDisableBit.mjDSBL_DAMPER
-    )
+    flags, bits = mujoco.mjtDisableBit, 0
+    for name in ("SPRING", "DAMPER", "PASSIVE"):  # as its version calls them
+        bits |= int(getattr(flags, f"mjDSBL_{name}", 0))
+    model.opt.disableflags = bits
     with pytest.raises(AsperityError, match="enable one of them"):
         textured.attach(model, {"table": BUMPS}).step(mujoco.MjData(model))
 

@@ -234,8 +234,8 @@ class Surfaces:
     def _refuse_without_callback(self) -> None:
         if int(self.model.opt.disableflags) & _NO_PASSIVE == _NO_PASSIVE:
             raise AsperityError(
-                "the model disables springs and dampers, and with both MuJoCo's passive forces, "
-                "through which textures come in; enable one of them"
+                "the model disables springs and dampers (in MuJoCo 3.3: passive forces), through "
+                "which textures come in; enable one of them"
             )
 
 
