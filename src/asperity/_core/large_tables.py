@@ -44,7 +44,7 @@ def numbers_of(
         return None
     pandas = importlib.import_module("pandas")
     options: dict[str, Any] = {}
-    if int(pandas.__version__.partition(".")[0]) < 3:  # from then on exact by default
+    if tuple(map(int, pandas.__version__.split(".")[:2])) < (3, 1):  # then exact by default
         options["float_precision"] = "round_trip"
     try:
         table = pandas.read_csv(
