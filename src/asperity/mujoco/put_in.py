@@ -162,9 +162,9 @@ class Bodies(NamedTuple):
 def _append(records, listed, taken, bodies, what, placed):
     """Append a contact to the list, and return how many are in it.
 
-    `what` is (body, depth, |m|, point, force), in world axes.
+    `what` is (body, depth, |m|, point, force, whether the tool lies on it), in world axes.
     """
-    (total, kept, count), (body, depth, steep, point, force) = listed, what
+    (total, kept, count), (body, depth, steep, point, force, lies) = listed, what
     row, size = total - kept, force[0] ** 2 + force[1] ** 2 + force[2] ** 2
     if not size > 0.0 or row == placed.push.size or total == records.size:
         return total
@@ -184,7 +184,7 @@ def _append(records, listed, taken, bodies, what, placed):
     placed.parting[row] = _fill_slip(
         bodies.velocities, bodies.carriers, point, force, placed.slip[row]
     )
-    placed.is_second[row] = sign > 0.0
+    placed.is_second[row], placed.lies[row] = sign > 0.0, lies
     _own_friction(one, tables)
     return total + 1
 
@@ -240,8 +240,7 @@ def _append_places(contacts, records, listed, taken, bodies, memory, placed):
                 rest = contacts.force[c, k] - push * contacts.slope_normal[c, k]
                 own[k] += (1.0 - calm[c]) * rest
         _to_world(motion, memory.now[i], own, point, force)
-        what = (memory.body[i], depth, math.sqrt(steep), point, force)
-        placed.lies[total - kept] = is_at_rest
+        what = (memory.body[i], depth, math.sqrt(steep), point, force, is_at_rest)
         total = _append(records, (total, kept, count), taken, bodies, what, placed)
     return total
 
@@ -274,7 +273,6 @@ def put_in(contacts, records, listed, taken, bodies, memory, placed):
         _to_world(bodies.motion[1], contacts.point[c], contacts.force[c], point, force)
         for k in range(3):
             steep += contacts.slope_normal[c, k] ** 2
-        what = (contacts.body[c], contacts.depth[c], math.sqrt(steep), point, force)
-        placed.lies[total - kept] = False
+        what = (contacts.body[c], contacts.depth[c], math.sqrt(steep), point, force, False)
         total = _append(records, (total, kept, count), taken, bodies, what, placed)
     return total
