@@ -273,6 +273,6 @@ def test_both_bodies_may_move_and_forces_are_opposite():
     assert data.ncon == 1
     assert np.linalg.norm(data.qfrc_constraint[:3]) > 0.05
     assert np.allclose(data.qfrc_constraint[:3], -data.qfrc_constraint[6:9], atol=1e-12)
-    surfaces.step(data, 40)
+    surfaces.step(data, 100)
     momentum = 0.1 * data.qvel[:3] + 0.2 * data.qvel[6:9]
     assert np.abs(momentum).max() < 1e-12
