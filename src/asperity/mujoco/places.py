@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity._core.stack import stack_array
 
 _LIFT = 2e-4
 """How far the surfaces may part at a remembered place [m]."""
@@ -93,25 +94,31 @@ def _copy(memory, source, target):
 
 
 @inner_kernel
+def _along_and_across(moved, m):
+    """Return a motion (3,) times m (3,), and the square of its part across m."""
+    along = square = slip = 0.0
+    for k in range(3):
+        along += moved[k] * m[k]
+        square += m[k] * m[k]
+        slip += moved[k] * moved[k]
+    return along, slip - along * along / square
+
+
+@inner_kernel
 def _carry_on(memory, pose, is_at_rest):
     """Carry the depths of remembered places on to a pose (3, 4) of the tool; drop what is old.
 
     Returns whether none was dropped.
     """
     kept, count = 0, memory.count[0]
-    reach = memory.reach[0] * (_HELD if is_at_rest else 1.0)
+    reach, moved = memory.reach[0] * (_HELD if is_at_rest else 1.0), stack_array((3,))
     for i in range(memory.count[0]):
-        along = square = slip = 0.0
         for k in range(3):
             now = pose[k, 3]
             for j in range(3):
                 now += pose[k, j] * memory.on_tool[i, j]
-            moved, m = now - memory.point[i, k], memory.slope_normal[i, k]
-            memory.now[kept, k] = now
-            along += moved * m
-            square += m * m
-            slip += moved * moved
-        slip -= along * along / square
+            moved[k], memory.now[kept, k] = now - memory.point[i, k], now
+        along, slip = _along_and_across(moved, memory.slope_normal[i])
         present = memory.depth[i] - along
         if slip > reach * reach or present < -_LIFT:
             continue
@@ -188,16 +195,14 @@ def calmness(speed):
 @inner_kernel
 def _has_left(memory):
     """Return whether some place has slipped out of reach since the tool was where it `was`."""
+    moved = stack_array((3,))
     for i in range(memory.count[0]):
-        along = square = slip = 0.0
         for k in range(3):
-            moved, m = memory.now[i, k] - memory.was[k, 3], memory.slope_normal[i, k]
+            moved[k] = memory.now[i, k] - memory.was[k, 3]
             for j in range(3):
-                moved -= memory.was[k, j] * memory.on_tool[i, j]
-            along += moved * m
-            square += m * m
-            slip += moved * moved
-        if slip - along * along / square > memory.reach[0] ** 2:
+                moved[k] -= memory.was[k, j] * memory.on_tool[i, j]
+        _, slip = _along_and_across(moved, memory.slope_normal[i])
+        if slip > memory.reach[0] ** 2:
             return True
     return memory.count[0] == 0
 

@@ -147,7 +147,8 @@ class SiiraPaiRenderer(PointRenderer):
 
     def __init__(self, scene: Scene, dt: float, roughness: float | None, seed: int) -> None:
         self._roughness, self.seed = roughness, seed
-        self._slopes = {body.name: rms_slope(body) for body in scene.bodies}
+        bodies = scene.bodies if roughness is None else ()
+        self._slopes = {body.name: rms_slope(body) for body in bodies}
         super().__init__(scene, dt)
 
     def reset(self) -> None:
