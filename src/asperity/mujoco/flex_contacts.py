@@ -5,8 +5,8 @@ MuJoCo's at the vertex, with f / |f| as its normal, it acts on the vertex and, o
 body of the geom: all of them together are the geom's wrench exactly, since U does not change where
 all is moved or turned alike.
 
-The constraint is a spring k and a damper c, see `flex_rows`. k along f is that of all vertices moved
-alike, with which the coupling between vertices only makes it steadier.
+The constraint is a spring k and a damper c, see `flex_rows`. k along f is that of all vertices
+moved alike, with which the coupling between vertices only makes it steadier.
 """
 
 from __future__ import annotations
@@ -66,7 +66,10 @@ class FlexContacts:
         """By the number of the flex."""
 
     def take(self, model: mujoco.MjModel, records: NDArray[np.void], count: int) -> int:
-        """Take contacts with textured flexes off the list; return how many stay, -1 for a list that has asperity's."""
+        """Take contacts with textured flexes off a list of `count`; return how many stay.
+
+        -1 if the list has asperity's already.
+        """
         flex, geom = records["flex"][:count, 1], records["geom"][:count, 0]
         if (records["vert"][:count, 0] == MARK).any():
             return -1
@@ -79,9 +82,10 @@ class FlexContacts:
             if deep.any():
                 self._warn(
                     one.name,
-                    f"{geom_name(model, int(geom[deep][0]))} is deeper in {one.name} than its layer "
-                    f"of {1e3 * one.sides[0].thickness:.3g} mm allows: such contacts stay MuJoCo's "
-                    "own; valid: Layer(thickness=...) that is more, a shorter step, slower motion",
+                    f"{geom_name(model, int(geom[deep][0]))} is deeper in {one.name} than its "
+                    f"layer of {1e3 * one.sides[0].thickness:.3g} mm allows: such contacts stay "
+                    "MuJoCo's own; valid: Layer(thickness=...) that is more, a shorter step, "
+                    "slower motion",
                 )
             taken |= mine & ~deep
         self._templates = records[:count][taken]
@@ -135,7 +139,7 @@ class FlexContacts:
         self, data: mujoco.MjData, one: FlexSurface, carrier: int, solvers: list[SurfaceContact],
         places: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-        """Return the force on each vertex (v, 3), and its stiffness with all moved alike (v, 3, 3)."""
+        """Return each vertex's force (v, 3), and its stiffness with all moved alike (v, 3, 3)."""
         force, stiffness = np.zeros_like(places), np.zeros((len(places), 3, 3))
         poses = [_pose(data, carried) for carried in one.bodies[carrier]]
         for side, solver in zip(one.sides, solvers, strict=True):
@@ -167,8 +171,9 @@ class FlexContacts:
         found["friction"][known, :2] = np.maximum(sliding[known], LEAST_FRICTION)[:, None]
 
     def constrain(
-        self, model: mujoco.MjModel, data: mujoco.MjData, records: NDArray[np.void], dissipation: float
-    ) -> None:
+        self, model: mujoco.MjModel, data: mujoco.MjData, records: NDArray[np.void],
+        dissipation: float,
+    ) -> None:  # fmt: skip
         """Set the constraints of the contacts that `add` has appended, once they have been made.
 
         Parameters
@@ -183,7 +188,7 @@ class FlexContacts:
         if not count:
             return
         push, k, lag = self._springs.T
-        springs = Springs(push, k, lag * k + dissipation * push)
+        springs = Springs(k, lag * k + dissipation * push)
         set_rows(model, data, records[self.first : self.first + count], springs)
 
     def _warn(self, what: str, text: str) -> None:

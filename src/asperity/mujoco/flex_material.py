@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 def flex_material(
     model: mujoco.MjModel, flex: int, vertices: NDArray[np.float64]
 ) -> tuple[float, float] | None:
-    """Return Young's modulus [Pa] and Poisson's ratio [-] of a flex; None where it has no such elements.
+    """Return Young's modulus [Pa] and Poisson's ratio [-] of a flex.
 
-    That of a sheet is as if it were two radii thick.
+    Those of a sheet are as if it were two radii thick. None for a flex without such elements.
 
     Parameters
     ----------
@@ -36,9 +36,7 @@ def flex_material(
     ends = model.flex_edge[first : first + int(model.flex_edgenum[flex])][own]
     sides = vertices[ends[..., 1]] - vertices[ends[..., 0]]
     begin = int(model.flex_elemdataadr[flex])
-    corners = vertices[
-        model.flex_elem[begin : begin + (dim + 1) * count].reshape(count, dim + 1)
-    ]
+    corners = vertices[model.flex_elem[begin : begin + (dim + 1) * count].reshape(count, dim + 1)]
     spans = corners[:, 1:] - corners[:, :1]
     size = np.sqrt(np.abs(np.linalg.det(spans @ spans.transpose(0, 2, 1)))) / (2.0, 6.0)[dim - 2]
     if dim == 2:

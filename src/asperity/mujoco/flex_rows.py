@@ -25,10 +25,8 @@ _ELLIPTIC = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC)
 
 
 class Springs(NamedTuple):
-    """What contacts are at rest, a row each."""
+    """Springs and dampers of contacts, a row each."""
 
-    push: NDArray[np.float64]
-    """Force [N], (n,)."""
     stiffness: NDArray[np.float64]
     """k [N/m], (n,)."""
     damping: NDArray[np.float64]
@@ -51,7 +49,7 @@ def set_rows(
     """
     h, all_rows = float(model.opt.timestep), data.efc_type
     resistance, inverse, reference = data.efc_R, data.efc_D, data.efc_KBIP
-    for one, push, k, c in zip(records, *springs, strict=True):
+    for one, k, c in zip(records, *springs, strict=True):
         row, dim = int(one["efc_address"]), int(one["dim"])
         if row < 0:
             continue
@@ -62,7 +60,7 @@ def set_rows(
             drag = max(drag, reference[row, 1] * mass)
         rows = slice(row, row + edges)
         resistance[rows], inverse[rows] = 1.0 / mass, mass
-        # push = k depth, shared by the edges.
+        # The edges of a pyramid share the force.
         reference[rows, 0] = k / edges / mass / reference[row, 2]
         reference[rows, 1], reference[rows, 3] = drag / mass, 0.0
         if all_rows[row] == _ELLIPTIC:

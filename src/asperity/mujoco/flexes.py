@@ -161,15 +161,13 @@ def _flex_surface(
     top = float(np.abs(field.coefficients).max()) if field is not None else 0.0
     damping = float(model.flex_damping[flex]) if own else 0.0
     friction = np.nan if surface.friction is None else float(surface.friction)
-    return FlexSurface(
-        flex, name, tuple(made), vertices, bodies, is_met, top, friction, damping
-    )
+    return FlexSurface(flex, name, tuple(made), vertices, bodies, is_met, top, friction, damping)
 
 
 def _mesh(
     model: mujoco.MjModel, flex: int, places: NDArray[np.float64], mapping: str, name: str
 ) -> tuple[Mesh, NDArray[np.int64]]:
-    """Return the triangles of a flex at rest, wound outwards, and which of its vertices they use."""
+    """Return the triangles of a flex at rest, wound outwards, and the vertices that they use."""
     if int(model.flex_dim[flex]) == 3:
         start, count = int(model.flex_shelldataadr[flex]), int(model.flex_shellnum[flex])
         faces = np.array(model.flex_shell[start : start + 3 * count]).reshape(-1, 3)
@@ -189,7 +187,9 @@ def _uv(model: mujoco.MjModel, flex: int, count: int) -> NDArray[np.float64]:
     """Return the texture coordinates of the vertices of a flex, (count, 2)."""
     start = int(model.flex_texcoordadr[flex])
     if start < 0:
-        raise AsperityError("it has no texture coordinates for mapping uv; valid: triplanar, planar")
+        raise AsperityError(
+            "it has no texture coordinates for mapping uv; valid: triplanar, planar"
+        )
     later = model.flex_texcoordadr[model.flex_texcoordadr > start]
     found = model.flex_texcoord[start : int(later.min()) if later.size else None]
     if len(found) != count:
@@ -258,7 +258,7 @@ def _pitch(
     least = float(np.sqrt(area / _USUAL_MOST))
     if wanted < least:
         notes.append(
-            f"{name} has taxels {1e3 * least:.3g} mm apart, where a quarter of the shortest wave is "
-            f"{1e3 * wanted:.3g} mm: what is finer is averaged"
+            f"{name} has taxels {1e3 * least:.3g} mm apart, where a quarter of the shortest wave "
+            f"is {1e3 * wanted:.3g} mm: what is finer is averaged"
         )
     return max(wanted, least)

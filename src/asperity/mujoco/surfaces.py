@@ -58,14 +58,14 @@ def attach(
     Parameters
     ----------
     model : mujoco.MjModel
-        Its textured geoms get a wider `geom_gap`, so that MuJoCo reports them to each other before
-        they touch; what `mj_step` computes without textures stays the same.
+        Its textured geoms and flexes get a wider gap, so that MuJoCo reports them to each other
+        before they touch; what `mj_step` computes without textures stays the same.
     textures : mapping
         By the name of a geom, a body, a material or a flex ("geom:NAME" and so on where that is
-        not clear); what is particular goes before what is general. Values: see `texture`, `pattern`;
-        a `HeightField`, (array, pixel size [m]), the path of an image, a text such as
-        "knurl:0.8mm". Or the path of a TOML file with tables `[textures.NAME]`; or None, for those
-        in the model's `<custom>` texts (`model_textures`).
+        not clear); what is particular goes before what is general. Values: see `texture`,
+        `pattern`; a `HeightField`, (array, pixel size [m]), the path of an image, a text such as
+        "knurl:0.8mm"; of a flex also a `Layer`. Or the path of a TOML file with tables
+        `[textures.NAME]`; or None, for those in the model's `<custom>` texts (`model_textures`).
     stiffness : float
         k of a contact [N/m], 1e-6 to 1e9: pressed with F it is F / k deep.
     dissipation : float
