@@ -188,6 +188,11 @@ class Body:
         return max(f.highest if isinstance(f, FrictionMap) else f or 0.0 for f in own)
 
     @property
+    def friction_map(self) -> FrictionMap | None:
+        """The body's own friction, if it is a map."""
+        return self.surface.friction_map
+
+    @property
     def friction_maps(self) -> tuple[FrictionMap, ...]:
         """The maps of friction of all surfaces."""
         maps = (surface.friction_map for surface in self.surfaces)

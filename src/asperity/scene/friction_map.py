@@ -30,11 +30,11 @@ def with_friction_map(surface: Surface, table: Table, key: str, folder: Path | N
     if "file" not in table:
         raise AsperityError(f"{key} must be a number, or a table with the file of a map")
     options = parse_options(table, key, FrictionMap.from_file, "file", PLACING)
-    if surface.texture is not None:
-        _refuse_placing(table, key, "the texture")
-        if not any(name in options for name in _EXTENT):
-            options["size"] = surface.texture.size
     path, placing = find_file(table, key, folder), placing_of(table, key)
+    if surface.texture is not None:
+        _refuse_apart(surface, placing, key, "the texture")
+        if not options.keys() & {"pixel_size", "size"}:
+            options["size"] = surface.texture.size
     found = at(key, lambda: FrictionMap.from_file(path, **options))
     return at(key, lambda: replace(surface, friction=found, **placing))
 
@@ -46,15 +46,20 @@ def on_terrain(
 
     `friction`, with its dotted `key`, is what its table says of it: a map lies as the terrain.
     """
-    if body.friction_maps:
-        _refuse_placing(friction, key, "the height field of scene.xml")
-    return replace(body, texture=texture, offset=tuple(middle))
+    laid = replace(body, texture=texture, mapping="planar", offset=tuple(middle))
+    if body.friction_map is not None:
+        _refuse_apart(laid.surface, placing_of(friction, key), key, "the height field of scene.xml")
+    return laid
 
 
-def _refuse_placing(table: Table, key: str, what: str) -> None:
-    wrong = [name for name in PLACING if name in table]
-    if wrong:
-        raise AsperityError(f"{key} lies as {what} does; leave {' and '.join(wrong)} out")
+def _refuse_apart(surface: Surface, placing: dict[str, Any], key: str, what: str) -> None:
+    """Raise `AsperityError` for a map that is to lie otherwise than the surface's texture."""
+    for name, value in placing.items():
+        if value != getattr(surface, name):
+            raise AsperityError(
+                f"{key}.{name} is {value!r}, but the map lies as {what} does: "
+                f"{getattr(surface, name)!r}; leave it out"
+            )
 
 
 def without_textures(
@@ -64,21 +69,23 @@ def without_textures(
     out, owned = merged(document, {}), touchable_geoms(model)
     tables = out.setdefault("bodies", {})
     for body in bodies:
-        table = tables.setdefault(body.name, {})
-        _lay_alone(table, body.surface)
-        table["texture"] = {}  # none, also where the MJCF brings one
-        table.pop("materials", None)
+        # No texture, also where the MJCF brings one.
+        gone = {"texture": None, "materials": None, **laid_alone(body.surface)}
+        table = tables[body.name] = {**merged(tables.get(body.name, {}), gone), "texture": {}}
         for name, own in table.get("geoms", {}).items():
             row = geom_names(model, owned[body.name]).index(name)
-            _lay_alone(own, body.surfaces[row])
-            own.pop("texture", None)
+            gone = {"texture": None, **laid_alone(body.surfaces[row])}
+            table["geoms"][name] = merged(own, gone)
     return out
 
 
-def _lay_alone(table: dict[str, Any], surface: Surface) -> None:
-    """Put into the table of a map of friction where it lies, which its texture has said so far."""
+def laid_alone(surface: Surface) -> dict[str, Any]:
+    """Return what a surface's table changes by for its map of friction to stay where it is.
+
+    The texture may then be replaced, or be taken away. Without such a map nothing changes.
+    """
     found = surface.friction_map
-    if found is not None:
-        rest = {k: v for k, v in table["friction"].items() if k not in _EXTENT}
-        placing = {"mapping": surface.mapping, "offset": list(surface.offset)}
-        table["friction"] = {**rest, **placing, "size": list(found.size)}
+    if found is None:
+        return {}
+    placing = {"mapping": surface.mapping, "offset": list(surface.offset)}
+    return {"friction": {**placing, "size": list(found.size), "pixel_size": None}}
