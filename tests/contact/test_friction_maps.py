@@ -246,11 +246,8 @@ def test_the_map_turns_with_a_tool_and_the_larger_of_two_counts():
 
 def slides(value):
     """Yield engines of a tool on a ground with this friction, and a path."""
-    path = [
-        pose(1e-4 * i, 3e-5 * i, RADIUS - DEPTH, turn([1, 0, 0], 0.01 * i))
-        for i in range(12)
-    ]
-    low = [pose(*(at[:3] + [0, 0, 5e-4]), at[3:]) for at in path]
+    path = [pose(1e-4 * i, 3e-5 * i, RADIUS - DEPTH, turn([1, 0, 0], 0.01 * i)) for i in range(12)]
+    low = [pose(at[0], at[1], at[2] + 5e-4, at[3:]) for at in path]
     rough, tool = plate(TEXTURE), Body("tool", [Geom("box", (2e-3,) * 3)])
     yield engine_for(ball(), replace(rough, friction=value), friction=0.05), path
     yield engine_for(tool, replace(rough, friction=value)), low
@@ -269,9 +266,7 @@ def slides(value):
 
 @pytest.mark.parametrize("border", ["clamp", "wrap"])
 def test_a_map_of_one_value_is_that_number(border):
-    for (mapped, path), (plain, _) in zip(
-        slides(even(0.35, border)), slides(0.35), strict=True
-    ):
+    for (mapped, path), (plain, _) in zip(slides(even(0.35, border)), slides(0.35), strict=True):
         for at in path:
             got, wanted = mapped.wrench(at, 1e-3), plain.wrench(at, 1e-3)
             assert np.linalg.norm(wanted[:2]) > 0.0 or at is path[0]
@@ -336,6 +331,20 @@ def test_the_force_goes_over_a_border_without_a_leap(least):
     assert middle == pytest.approx(-least * normal, abs=1e-12)
     assert force[-1] == pytest.approx(-0.6 * normal)
     assert engine.contacts.friction[0] == pytest.approx(0.6)
+
+
+def test_where_there_is_no_friction_the_bristle_is_let_go():
+    parts = [
+        Geom("box", (8e-3, 4e-3, 2e-3), (0, y, -2e-3), surface=Surface(friction=friction))
+        for y, friction in ((-4e-3, 0.6), (4e-3, 0.0))
+    ]
+    engine, z = engine_for(ball(), Body("plate", parts)), RADIUS - DEPTH
+    for i in range(40):
+        held = engine.wrench(pose(1e-6 * i, -1e-6, z), 1e-3)
+    assert held[0] == pytest.approx(-400.0 * 30e-6)  # of 0.6 N at 50 um
+    assert engine.wrench(pose(39e-6, 1e-6, z), 1e-3)[:2] == pytest.approx([0.0, 0.0])
+    back = engine.wrench(pose(39e-6, -1e-6, z), 1e-3)
+    assert back[:2] == pytest.approx([0.0, 400.0 * 2e-6], abs=1e-12)
 
 
 def test_where_it_slips_it_damps_and_where_it_sticks_it_holds():

@@ -147,19 +147,20 @@ def test_a_map_lies_as_the_terrain_of_the_model(folder):
     assert made.bodies[0].offset == pytest.approx((3e-3, 0.0))
     smooth = made.smooth().bodies[0]
     assert (smooth.texture, smooth.offset) == (None, made.bodies[0].offset)
-    with pytest.raises(AsperityError, match="height field of scene.xml"):
+    with pytest.raises(AsperityError, match="lies as the height field"):
         scene(folder, {"friction": {**MU, "offset": [0.0, 1e-3]}}, terrain, assets)
 
 
+def _made_of_a_box() -> str:
+    corners = trimesh.creation.box((0.04, 0.02, 0.004)).vertices
+    return f'<mesh name="made" vertex="{" ".join(str(x) for x in corners.ravel())}"/>'
+
+
 def test_a_mesh_has_a_map_too(folder):
-    assets = '<mesh name="made" vertex="{}"/>'.format(
-        " ".join(str(x) for x in (trimesh.creation.box((0.04, 0.02, 0.004)).vertices).ravel())
+    mesh = {"file": "slab.stl", "unit": "m"}
+    made = scene(
+        folder, {"mesh": mesh, "friction": {**MU, "mapping": "triplanar"}}, MESH, _made_of_a_box()
     )
-    table = {
-        "mesh": {"file": "slab.stl", "unit": "m", "position": [0.0, 0.0, 0.0]},
-        "friction": {**MU, "mapping": "triplanar"},
-    }
-    made = scene(folder, table, MESH, assets)
     assert made.bodies[0].mapping == "triplanar"
     simulation = Simulation(made)
     for x, wanted in ((-0.01, 0.1), (0.01, 0.6)):
@@ -171,8 +172,11 @@ def test_a_mesh_has_a_map_too(folder):
 
 REFUSED = {
     "no file": ({"friction": {"low": 0.1}}, ["bodies.plate.friction", "number", "file"]),
-    "no high": ({"friction": {**MU, "high": None}}, ["mu.png", "low and high", "high is missing"]),
-    "neither": ({"friction": {"file": "mu.png", "pixel_size": 1e-3}}, ["low and high is missing"]),
+    "no high": (
+        {"friction": {"file": "mu.png", "low": 0.1, "pixel_size": 1e-3}},
+        ["mu.png", "low and high", "missing: high"],
+    ),
+    "neither": ({"friction": {"file": "mu.png", "pixel_size": 1e-3}}, ["missing: low and high"]),
     "negative": ({"friction": {**MU, "low": -0.1}}, ["low must lie between 0 and 100", "-0.1"]),
     "too large": ({"friction": {**MU, "high": 101.0}}, ["high must lie between", "101"]),
     "not finite": ({"friction": {**MU, "high": float("inf")}}, ["friction.high", "finite"]),
@@ -191,10 +195,6 @@ REFUSED = {
     ),
     "mapping": ({"friction": {**MU, "mapping": "uv"}}, ["texture coordinates"]),
     "round": ({"friction": {**MU, "mapping": "cylindrical"}}, ["no cylindrical mapping"]),
-    "material": (
-        {"mesh": {"file": "slab.stl", "unit": "m"}, "materials": {"a": {"friction": MU}}},
-        ["materials"],
-    ),
 }
 
 
@@ -202,16 +202,29 @@ REFUSED = {
 def test_maps_that_cannot_be(folder, name):
     table, words = REFUSED[name]
     with pytest.raises(AsperityError) as caught:
-        if "mesh" in table:
-            made = trimesh.creation.box((0.04, 0.02, 0.004)).vertices
-            numbers = " ".join(str(x) for x in made.ravel())
-            scene(folder, table, MESH, f'<mesh name="made" vertex="{numbers}"/>')
-        else:
-            table = {**table, "friction": {k: v for k, v in table["friction"].items() if v is not None}}
-            scene(folder, table)
+        scene(folder, table)
     for word in words:
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_materials_have_numbers_beside_the_map_of_their_body(folder):
+    box = trimesh.creation.box((0.04, 0.02, 0.004))
+    lines = [f"v {x} {y} {z}" for x, y, z in box.vertices.tolist()] + ["vt 0 0", "vt 1 0", "vt 0 1"]
+    for name, faces in (("glass", box.faces[:6]), ("rest", box.faces[6:])):
+        lines.append(f"g {name}")
+        lines += ["f {}/1 {}/2 {}/3".format(*(face + 1)) for face in faces]
+    (folder / "slab.obj").write_text("\n".join(lines))
+    table = {"mesh": {"file": "slab.obj", "unit": "m"}, "friction": MU}
+
+    def made(glass):
+        return scene(folder, {**table, "materials": {"glass": glass}}, MESH, _made_of_a_box())
+
+    assert made({"friction": 0.3}).bodies[0].largest_friction == 0.6
+    with pytest.raises(AsperityError, match=r"materials.glass.friction must be a number"):
+        made({"friction": MU})
+    with pytest.raises(AsperityError, match=r"plate.materials: valid without a map of friction"):
+        made(WAVES)
 
 
 @pytest.mark.parametrize(
@@ -249,5 +262,5 @@ def test_a_soft_skin_and_mujoco_take_numbers_alone(folder):
     mujoco = pytest.importorskip("asperity.mujoco")
     made = scene(folder, {})
     found = FrictionMap.from_file(folder / "mu.npy", pixel_size=1e-3)
-    with pytest.raises(AsperityError, match="geom 'left'.*a number"):
+    with pytest.raises(AsperityError, match=r"geom 'left'.*a number"):
         mujoco.attach(made.model, {"geom:left": mujoco.texture(None, friction=found)})

@@ -13,10 +13,10 @@ from asperity._core.kernels import small_kernel
 from asperity.geometry.bodies import KINDS, MAPPINGS, Body, Geom, Surface, map_origin
 from asperity.geometry.mesh.texture_coordinates import length_round
 from asperity.geometry.poses import rotation_of
+from asperity.texture.friction_map import FrictionMap
 from asperity.texture.packed import PackedTextures, pack
 
 if TYPE_CHECKING:
-    from asperity.texture.friction_map import FrictionMap
     from asperity.texture.height_field import HeightField
 
 FRICTION_MAP = np.dtype([("map", "i8"), ("scale", "f8", 2), ("shift", "f8", 2)], align=True)
@@ -84,7 +84,7 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
         np.array(texture, dtype=np.int64),
         np.array([MAPPINGS.index(surface.mapping) for surface in surfaces], dtype=np.int64),
         np.array([_origin(surface) for surface in surfaces], dtype=np.float64),
-        _values([None if s.friction_map is not None else s.friction for s in surfaces]),
+        _values([None if isinstance(s.friction, FrictionMap) else s.friction for s in surfaces]),
         _friction_maps(surfaces, owners, {id(f): len(fields) + k for k, f in enumerate(frictions)}),
         _values([surface.stiffness for surface in surfaces]),
         around,

@@ -59,7 +59,7 @@ class Surface:
     def __post_init__(self) -> None:
         require_choice("mapping", self.mapping, MAPPINGS)
         object.__setattr__(self, "offset", require_finite("offset", self.offset, 2))
-        if self.friction is not None and self.friction_map is None:
+        if self.friction is not None and not isinstance(self.friction, FrictionMap):
             require_between("friction", self.friction, 0.0, MOST_FRICTION)
         if self.stiffness is not None:
             require_between("stiffness", self.stiffness, 1e-6, 1e9, "N/m")
@@ -136,11 +136,11 @@ class Body:
     texture : HeightField, optional
         None: smooth.
     mapping : {"planar", "cylindrical", "triplanar", "uv"}
-        Mapping of texture and friction to the body. *planar*: (u, v) are x and y in the body's frame, on
-        every face. *triplanar*: three planar maps, (y, z), (z, x) and (x, y), blended by the fourth
-        powers of the normal's components. *cylindrical*: on the sides of cylinders and capsules,
-        u around the axis and v along it; their ends are smooth. On a mesh: u around its z axis.
-        *uv*: the mesh's texture coordinates, where 1 is a map's whole extent.
+        Mapping of texture and friction to the body. *planar*: (u, v) are x and y in the body's
+        frame, on every face. *triplanar*: three planar maps, (y, z), (z, x) and (x, y), blended by
+        the fourth powers of the normal's components. *cylindrical*: on the sides of cylinders and
+        capsules, u around the axis and v along it; their ends are smooth. On a mesh: u around its z
+        axis. *uv*: the mesh's texture coordinates, where 1 is a map's whole extent.
     offset : (2,)
         Position of the maps on the body [m]: of a corner if it wraps, of its middle if clamped.
     mesh : Mesh, optional

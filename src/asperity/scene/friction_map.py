@@ -1,6 +1,6 @@
 """A map of friction from its table in `scene.toml`, in the place of a number.
 
-It lies as the texture of the same surface does. Where there is none, its table says how.
+It lies as the texture of the same surface does. Where there is none, its own table places it.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 
 import mujoco
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body, Surface
 from asperity.scene.document import PLACING, Table, at, find_file, merged, parse_options, placing_of
@@ -25,7 +26,7 @@ _EXTENT = ("pixel_size", "size")
 def with_friction_map(surface: Surface, table: Table, key: str, folder: Path | None) -> Surface:
     """Return a surface with the map of friction that a table describes.
 
-    Without an extent of its own it covers what the surface's texture does.
+    Without an extent in the table it covers what the surface's texture does.
     """
     if "file" not in table:
         raise AsperityError(f"{key} must be a number, or a table with the file of a map")
@@ -39,14 +40,12 @@ def with_friction_map(surface: Surface, table: Table, key: str, folder: Path | N
     return at(key, lambda: replace(surface, friction=found, **placing))
 
 
-def on_terrain(
-    body: Body, texture: HeightField, middle: Sequence[float], friction: Any, key: str
-) -> Body:
+def on_terrain(body: Body, texture: HeightField, middle: Array, friction: Any, key: str) -> Body:
     """Return a body with the height field of `scene.xml` as its texture.
 
-    `friction`, with its dotted `key`, is what its table says of it: a map lies as the terrain.
+    `friction` is the body's in the document, with its dotted `key`: a map lies as the terrain.
     """
-    laid = replace(body, texture=texture, mapping="planar", offset=tuple(middle))
+    laid = replace(body, texture=texture, mapping="planar", offset=tuple(middle.tolist()))
     if body.friction_map is not None:
         _refuse_apart(laid.surface, placing_of(friction, key), key, "the height field of scene.xml")
     return laid

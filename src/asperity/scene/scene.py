@@ -342,7 +342,8 @@ def _body(
         row = names.index(geom)
         found = body_surface(surface, f"{key}.geoms.{geom}", folder)
         solids = [*solids[:row], replace(solids[row], surface=found), *solids[row + 1 :]]
-    return at(f"{key}.texture", lambda: Body(name, solids, mesh=mesh, **vars(own)))
+    where = key if own.texture is None else f"{key}.texture"
+    return at(where, lambda: Body(name, solids, mesh=mesh, **vars(own)))
 
 
 def _notes(body: Body) -> tuple[str, ...]:
@@ -356,8 +357,10 @@ def _notes(body: Body) -> tuple[str, ...]:
             for kind in FELT
             if kind in material.maps
         )
-    for laid in (*body.fields, *body.friction_maps):
-        notes += tuple(laid.notes)
+    for field in body.fields:
+        notes += field.notes
+    for friction in body.friction_maps:
+        notes += tuple(friction.notes)
     return notes
 
 

@@ -128,7 +128,7 @@ class FrictionMap:
             raise SurfaceError(text if str(path) in text else f"{path}: {text}") from None
         extent = " x ".join(f"{1e3 * length:.4g}" for length in found.size)
         note = f"friction {found.lowest:.4g} to {found.highest:.4g}, a map of {extent} mm"
-        return replace(found, notes=(*_told(stored), note))
+        return replace(found, notes=(*_notes_of(stored), note))
 
     @property
     def size(self) -> tuple[float, float]:
@@ -176,11 +176,10 @@ def _read(
             raise SurfaceError("low and high are for images of 8 or 16 bits; it holds coefficients")
         return values, stored
     if low is None or high is None:
-        missing = " and ".join(
-            name for name, value in (("low", low), ("high", high)) if value is None
-        )
+        given = {"low": low, "high": high}.items()
+        missing = " and ".join(name for name, value in given if value is None)
         raise SurfaceError(
-            f"an image needs low and high, the friction of black and of white; {missing} is missing"
+            f"an image needs low and high, the friction of black and of white; missing: {missing}"
         )
     for name, value in (("low", low), ("high", high)):
         require_between(name, value, 0.0, MOST_FRICTION)
@@ -192,6 +191,6 @@ def _read(
     return low + (high - low) * (values / white), stored
 
 
-def _told(stored: Stored) -> tuple[str, ...]:
+def _notes_of(stored: Stored) -> tuple[str, ...]:
     """Return the notes on a file that are true of friction as they are of heights."""
     return tuple(note for note in stored.notes if note not in (NO_UNIT, GREY_LEVELS))

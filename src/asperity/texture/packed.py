@@ -92,9 +92,7 @@ class PackedTextures(NamedTuple):
     """`WINDOW_LEVEL` of every size of window of every texture, smallest first."""
 
 
-def pack(
-    fields: Sequence[HeightField], frictions: Sequence[FrictionMap] = ()
-) -> PackedTextures:
+def pack(fields: Sequence[HeightField], frictions: Sequence[FrictionMap] = ()) -> PackedTextures:
     """Return textures, and behind them maps of friction, as flat arrays, which may be empty."""
     levels: list[tuple[int, int, int]] = []
     maps = np.zeros(len(fields) + len(frictions), TEXTURE_MAP)

@@ -23,9 +23,7 @@ from asperity.texture.packed import linear_at
 def _read(textures, patch, u, v):
     """Return the coefficient at texture coordinates (u, v) of a patch [-]."""
     scale, shift = patch.friction_scale, patch.friction_shift
-    return linear_at(
-        textures, patch.friction_map, scale[0] * u + shift[0], scale[1] * v + shift[1]
-    )
+    return linear_at(textures, patch.friction_map, scale[0] * u + shift[0], scale[1] * v + shift[1])
 
 
 @inner_kernel
