@@ -28,6 +28,7 @@ from asperity._core.stack import stack_array
 from asperity.contact.soft.layer import layer_pressure
 from asperity.contact.soft.press import (
     GRAZING,
+    SLIP_SPEED,
     TaxelArrays,
     add_taxel,
     deepest,
@@ -91,11 +92,14 @@ class SurfaceState(NamedTuple):
     pressed: Indices
     """Numbers of the triangles with a taxel in contact, and as the last entry how many, (m + 1,)."""
     stiffness: Array
-    """Of the vertices of each triangle of `pressed` [N/m], (m, 9, 9)."""
+    """Minus the derivative of the forces on the vertices of each triangle of `pressed` with respect to
+    their places [N/m], (m, 9, 9); without that of the normals, nor of N."""
     damping: Array
-    """The same of friction [N s/m], (m, 9, 9)."""
+    """The same with respect to their velocities [N s/m], (m, 9, 9)."""
     force: Array
-    """-dU/dx and friction [N], (v, 3)."""
+    """On each vertex: -dU/dx and friction [N], (v, 3)."""
+    wrench: Array
+    """On each body: force [N], torque about its centre [N m], (bodies, 6)."""
     tick: Indices
     """Number of the tick, and of a triangle that has collapsed, or -1; (2,)."""
 
@@ -237,9 +241,23 @@ def _slip(surface, motion, f, t, body, x, slip_out):
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         slip_out[3 + i] = 0.0
-        slip_out[i] = -twist[i] - twist[3 + j] * (x[k] - centre[k]) + twist[3 + k] * (x[j] - centre[j])
+        slip_out[i] = (
+            -twist[i] - twist[3 + j] * (x[k] - centre[k]) + twist[3 + k] * (x[j] - centre[j])
+        )
         for corner in range(3):
-            slip_out[i] += surface.weight[t, corner] * motion.velocities[surface.faces[f, corner], i]
+            slip_out[i] += (
+                surface.weight[t, corner] * motion.velocities[surface.faces[f, corner], i]
+            )
+
+
+@inner_kernel
+def _push_body(motion, state, out, t, body):
+    """Add the force of a taxel to the wrench on a body."""
+    force, x, centre = out.force[t], out.point[t], motion.centres[body]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        state.wrench[body, i] -= force[i]
+        state.wrench[body, 3 + i] -= (x[j] - centre[j]) * force[k] - (x[k] - centre[k]) * force[j]
 
 
 @inner_kernel
@@ -261,23 +279,26 @@ def _push_vertices(surface, state, out, f, t, m, length):
 
 
 @inner_kernel
-def _add_blocks(surface, state, row, t, m, springs):
+def _add_blocks(surface, state, row, t, m, slip, springs):
     """Add stiffness and damping of a taxel to those of its triangle's vertices.
 
-    `springs`: stiffness along m [N/m], damping across it [N s/m].
+    `slip` (3,) is the slip velocity across m. `springs`: stiffness along m [N/m], friction over the
+    slip velocity [N s/m], and by which part that grows for each metre of compression [1/m].
     """
-    slope, drag = springs
+    slope, drag, growth = springs
     square = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+    speed = SLIP_SPEED**2 + slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2]
     for one in range(3):
         for two in range(3):
             share = surface.weight[t, one] * surface.weight[t, two]
             for i in range(3):
                 for j in range(3):
-                    push = share * m[i] * m[j]
-                    state.stiffness[row, 3 * one + i, 3 * two + j] += slope * push
+                    push = slope * m[i] * m[j] - drag * growth * slip[i] * m[j]
+                    state.stiffness[row, 3 * one + i, 3 * two + j] += share * push
                     if drag > 0.0:
-                        same = share if i == j else 0.0
-                        state.damping[row, 3 * one + i, 3 * two + j] += drag * (same - push / square)
+                        across = 1.0 if i == j else 0.0
+                        across -= m[i] * m[j] / square + slip[i] * slip[j] / speed
+                        state.damping[row, 3 * one + i, 3 * two + j] += share * drag * across
 
 
 @inner_kernel
@@ -292,7 +313,11 @@ def _turn_normals(surface, state, x):
             pull[i] = (pull[i] - along * normal[i]) / state.length[g]
         for at in range(surface.first_member[g], surface.first_member[g + 1]):
             f, corner = divmod(surface.members[at], 3)
-            a, b, c = surface.tilt[f, corner, 0], surface.tilt[f, corner, 1], surface.tilt[f, corner, 2]
+            a, b, c = (
+                surface.tilt[f, corner, 0],
+                surface.tilt[f, corner, 1],
+                surface.tilt[f, corner, 2],
+            )
             for one in range(3):
                 hat, vertex = state.hat[f, one], surface.faces[f, one]
                 turn = c * (pull[0] * hat[0] + pull[1] * hat[1] + pull[2] * hat[2])
@@ -354,6 +379,7 @@ def press_surface(solids, surface, friction, motion, state, out):
     fill_relative(solids.frames, still, relative)
     _clear(surface, state, out)
     state.force[:] = 0.0
+    state.wrench[:] = 0.0
     last, count = state.pressed.size - 1, 0
     for f in range(surface.faces.shape[0]):
         if not _is_near(solids, relative, surface, x, f):
@@ -381,14 +407,16 @@ def press_surface(solids, surface, friction, motion, state, out):
                 for j in range(3):
                     m[i] += solids.frames[hit, i, j] * normal[j] / rate
                     out.point[t, i] += solids.frames[hit, i, j] * best_x[j]
-            _slip(surface, motion, f, t, solids.geometry.body[hit], out.point[t], slip)
+            body = solids.geometry.body[hit]
+            _slip(surface, motion, f, t, body, out.point[t], slip)
             out.energy[0] += add_taxel(t, taxels, friction, still, motion.origin, m, slip, out)
+            _push_body(motion, state, out, t, body)
             pressure, slope, _ = layer_pressure(taxels.modulus[t], taxels.thickness[t], depth)
-            drag, area = 0.0, taxels.area[t]
-            if friction > 0.0:
-                drag = take_across(slip, m, friction * pressure * area)
+            area = taxels.area[t]
+            drag = take_across(slip, m, friction * pressure * area)
             _push_vertices(surface, state, out, f, t, m, length)
-            _add_blocks(surface, state, row, t, m, (slope * area, drag))
+            springs = (slope * area, drag, slope / pressure)
+            _add_blocks(surface, state, row, t, m, slip, springs)
     out.pressed[out.pressed.size - 1] = count
     _turn_normals(surface, state, x)
     for i in range(6):

@@ -95,6 +95,12 @@ class DeformableSurface:
         return np.repeat(self.arrays.area / np.diff(self.arrays.first), np.diff(self.arrays.first))
 
     @cached_property
+    def normals(self) -> Array:
+        """Unit normal of each triangle at rest, (m, 3)."""
+        across = crosses(self.mesh.vertices[self.mesh.faces])
+        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+
+    @cached_property
     def triangle_of(self) -> Indices:
         """Triangle of each taxel, (n,)."""
         return np.repeat(np.arange(len(self.mesh.faces)), np.diff(self.arrays.first))
