@@ -1,5 +1,7 @@
 """Elastic bodies in modal form: against closed forms, at rest, and in time."""
 
+import itertools
+
 import numpy as np
 import pytest
 from soft_sheets import bumps, sheet, slab, soft_slab, surface_on, tool
@@ -166,7 +168,7 @@ def test_a_closed_path_returns_its_work(contact):
         axis=1,
     )
     last = contact.settle([(*places[0], *UPRIGHT)])[0, :3]
-    for before, place in zip(places, places[1:], strict=False):
+    for before, place in itertools.pairwise(places):
         force = contact.settle([(*place, *UPRIGHT)])[0, :3]
         step = 0.5 * (force + last) @ (place - before)
         work, moved, last = work + step, moved + abs(step), force

@@ -1,5 +1,7 @@
 """Forces on the vertices of a deformable surface are minus the gradient of one energy."""
 
+import itertools
+
 import numpy as np
 import pytest
 from soft_sheets import LAYER, TURN, bumps, sheet, surface_on, tool, wavy
@@ -145,7 +147,7 @@ def test_more_taxels_converge():
         contact = SurfaceContact(surface_on(wavy(), pitch=pitch), [ball])
         contact.press(wavy().vertices, [(1e-3, 0.0, 6.3e-3, 1.0, 0.0, 0.0, 0.0)])
         wrenches.append(contact.wrenches[0])
-    changes = [np.abs(b - a).max() for a, b in zip(wrenches, wrenches[1:], strict=False)]
+    changes = [np.abs(b - a).max() for a, b in itertools.pairwise(wrenches)]
     assert changes[-1] < 1e-3 * np.abs(wrenches[-1]).max()
     assert changes[-1] < 0.5 * changes[0]
 

@@ -184,13 +184,18 @@ def _is_near(solids, relative, surface, x, f):
         for i in range(3):
             far += (x[surface.faces[f, corner], i] - middle[i]) ** 2
         radius = max(radius, far)
-    radius = math.sqrt(radius) + surface.highest[f]
+    return _reaches(solids, relative, middle, math.sqrt(radius) + surface.highest[f])
+
+
+@inner_kernel
+def _reaches(solids, relative, x, radius):
+    """Return whether a solid may come within a distance of a point (3,), world axes."""
     for g in range(relative.shape[0]):
         far = 0.0
         for i in range(3):
             along = relative[g, i, 3]
             for j in range(3):
-                along += relative[g, i, j] * middle[j]
+                along += relative[g, i, j] * x[j]
             far += along * along
         if far <= (solids.bound[g] + radius) ** 2:
             return True
@@ -199,13 +204,15 @@ def _is_near(solids, relative, surface, x, f):
 
 @inner_kernel
 def _lay(surface, state, x, f, t):
-    """Fill place and ray of a taxel of triangle `f`; return the length of its blended normal."""
+    """Fill ray and place of a taxel of triangle `f`, which is on the smooth triangle yet.
+
+    Return the length of its blended normal.
+    """
     point, inwards = state.taxels.point[t], state.taxels.inwards[t]
     for i in range(3):
-        point[i] = inwards[i] = 0.0
+        inwards[i] = 0.0
         for corner in range(3):
             share = surface.weight[t, corner]
-            point[i] += share * x[surface.faces[f, corner], i]
             inwards[i] -= share * state.blend[surface.shared[f, corner], i]
     length = math.sqrt(inwards[0] * inwards[0] + inwards[1] * inwards[1] + inwards[2] * inwards[2])
     length = max(length, 1e-12)
@@ -388,6 +395,13 @@ def press_surface(solids, surface, friction, motion, state, out):
         for corner in range(3):
             _fill_shared(surface, state, x, surface.shared[f, corner])
         for t in range(surface.first[f], surface.first[f + 1]):
+            point = taxels.point[t]
+            for i in range(3):
+                point[i] = 0.0
+                for corner in range(3):
+                    point[i] += surface.weight[t, corner] * x[surface.faces[f, corner], i]
+            if not _reaches(solids, relative, point, surface.highest[f]):
+                continue
             length = _lay(surface, state, x, f, t)
             depth, hit, face = deepest(solids, relative, taxels, t, best_x, best_d)
             if hit < 0:

@@ -127,7 +127,7 @@ class DeformableSurface:
             parts = np.broadcast_to(_centroids(side), (len(faces), side**2, 3))
             rows = first[faces][:, None] + np.arange(side**2)
             weight[rows], height[rows] = parts, relief.heights(faces, parts)[0]
-        highest = np.maximum.reduceat(np.abs(height), first[:-1]) + 2.0 * self.thickness
+        highest = np.maximum.reduceat(np.abs(height), first[:-1]) + self.thickness
         shared = _shared_normals(mesh)
         members = np.argsort(shared.ravel(), kind="stable")
         starts = np.searchsorted(shared.ravel()[members], np.arange(shared.max() + 2))
