@@ -202,9 +202,9 @@ def test_steps_come_to_rest_where_the_least_energy_is(body, friction):
     assert contact.kinetic_energy < 1e-12
 
 
-@pytest.mark.parametrize(("dt", "gain"), [(1e-3, 0.15), (1e-4, 0.01)])
+@pytest.mark.parametrize(("dt", "gain"), [(1e-3, 0.15), (1e-4, 0.03)])
 def test_a_falling_tip_gains_no_energy_but_by_its_own_steps(body, dt, gain):
-    """It meets the slab at 0.3 m/s. The gain is that of its explicit steps, and vanishes with them."""
+    """It meets the slab at 0.3 m/s. The gain is that of its explicit steps, and goes with them."""
     contact = ElasticContact(body, surface_on(body.mesh, texture=bumps(), friction=0.3), [TIP])
     height, speed, mass = 6e-3, -0.2, 0.02
     energies = []
@@ -216,7 +216,7 @@ def test_a_falling_tip_gains_no_energy_but_by_its_own_steps(body, dt, gain):
         energies.append(kinetic + contact.energy + contact.kinetic_energy)
     assert max(energies) < (1.0 + gain) * energies[0]
     assert height > -2e-3
-    assert contact.error < 1e-6
+    assert contact.error < 2e-5
 
 
 def test_tetrahedra_fill_a_mesh():
@@ -230,7 +230,7 @@ def test_tetrahedra_fill_a_mesh():
 
 
 def test_a_surface_between_the_nodes_moves_with_them():
-    """A surface that is not that of the tetrahedra: the same compliance as one that is."""
+    """Vertices within the elements are displaced as the elements are, quadratically."""
     nodes, tetrahedra = slab()
     given = {"modulus": 2e4, "density": 1e3, "held": nodes[:, 2] < -0.0119}
     coarse = elastic_body(sheet(9), nodes, tetrahedra, **given)
@@ -239,3 +239,25 @@ def test_a_surface_between_the_nodes_moves_with_them():
     other = 3 * np.flatnonzero(~sheet(17).vertices.any(axis=1)) + 2
     same = coarse.compliance[middle, middle]
     assert fine.compliance[other, other] == pytest.approx(same, rel=1e-6)
+
+
+@pytest.mark.parametrize("quadratic", [False, True])
+def test_an_even_strain_is_reproduced_exactly(quadratic, monkeypatch):
+    """The embedding of a surface gives an even strain to rounding."""
+    from asperity.contact.deformable import elastic_body as module
+
+    nodes, tetrahedra = slab((3, 3, 2))
+    monkeypatch.setattr(module, "_QUADRATIC", 10**6 if quadratic else 0)
+    held = nodes[:, 2] < -0.0119
+    *_, unknowns, _ = module._assembled(nodes, tetrahedra, (1e4, 0.3, 1e3), held)
+    mesh = sheet(6)
+    onto = module._embedding(mesh, nodes, tetrahedra, unknowns, int(unknowns.max()) + 1)
+    corners = nodes[tetrahedra]
+    pairs = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
+    middles = np.stack([corners[:, list(pair)].mean(axis=1) for pair in pairs], axis=1)
+    at = np.concatenate([corners, middles], axis=1)[:, : unknowns.shape[1]]
+    strain = np.array([[0.1, 0.02, 0.0], [0.03, -0.2, 0.1], [0.0, 0.05, 0.3]])
+    moved = at @ strain.T
+    values = np.empty(onto.shape[1])
+    values[unknowns.ravel()] = moved.ravel()
+    np.testing.assert_allclose((onto @ values).reshape(-1, 3), mesh.vertices @ strain.T, atol=1e-14)

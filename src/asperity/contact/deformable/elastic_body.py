@@ -28,7 +28,7 @@ MOST_VERTICES = 1500
 """Of the surface: the compliance has nine numbers for each pair of them."""
 MOST_TETRAHEDRA = 60_000
 _QUADRATIC = 8000
-"""Number of tetrahedra up to which elements are quadratic; linear ones are too stiff near nu = 0.5."""
+"""Number of tetrahedra up to which elements are quadratic."""
 _FLAT = 1e-6
 """Least volume of a tetrahedron, over the cube of its longest edge."""
 
@@ -144,8 +144,8 @@ def elastic_body(
         )
     if len(mesh.vertices) > MOST_VERTICES:
         raise AsperityError(
-            f"mesh {mesh.name!r} has {len(mesh.vertices)} vertices; valid: at most {MOST_VERTICES}. "
-            "Take a coarser mesh: detail belongs in its texture"
+            f"mesh {mesh.name!r} has {len(mesh.vertices)} vertices; valid: at most "
+            f"{MOST_VERTICES}. Take a coarser mesh: detail belongs in its texture"
         )
     points, cells = _checked_elements(nodes, tetrahedra)
     is_held = np.asarray(held(points) if callable(held) else held)
@@ -160,10 +160,10 @@ def elastic_body(
             f"{len(fixed)} nodes are held; valid: three or more that are not on one "
             "line, else the body could move away"
         )
-    stiffness, mass, node_dofs, free = _assembled(
+    stiffness, mass, unknowns, free = _assembled(
         points, cells, (modulus, poisson, density), is_held
     )
-    onto = _embedding(mesh, points, cells, node_dofs, stiffness.shape[0])[:, free]
+    onto = _embedding(mesh, points, cells, unknowns, stiffness.shape[0])[:, free]
     shapes, frequencies, compliance = _reduced(
         stiffness[free][:, free], mass[free][:, free], onto, int(modes)
     )
@@ -205,8 +205,8 @@ def _checked_elements(nodes: ArrayLike, tetrahedra: ArrayLike) -> tuple[Array, I
     used, cells = np.unique(cells, return_inverse=True)
     if len(used) != len(points):
         raise AsperityError(
-            f"{len(points) - len(used)} of {len(points)} nodes belong to no tetrahedron; leave them "
-            "out"
+            f"{len(points) - len(used)} of {len(points)} nodes belong to no tetrahedron; leave "
+            "them out"
         )
     cells = cells.reshape(-1, 4).astype(np.int64)
     volume = _volumes(points, cells)
@@ -256,7 +256,7 @@ def _refuse_inverted(points: Array, cells: Indices) -> None:
 def _assembled(
     points: Array, cells: Indices, material: tuple[float, float, float], is_held: Mask
 ) -> tuple[Any, Any, Indices, Indices]:
-    """Return stiffness, mass, the unknowns of each corner (n, 3), and those that are free."""
+    """Return stiffness, mass, the unknowns of each element (t, 4 or 10, 3), and the free ones."""
     skfem = _soft_package("skfem")
     elasticity = _soft_package("skfem.models.elasticity")
     modulus, poisson, density = material
@@ -272,16 +272,17 @@ def _assembled(
         return density * sum(u[i] * v[i] for i in range(3))
 
     mass = inertia.assemble(basis)
-    node_dofs = np.asarray(basis.nodal_dofs.T, dtype=np.int64)
-    held = node_dofs[is_held].ravel()
+    unknowns = basis.nodal_dofs.T[cells]
+    held = basis.nodal_dofs[:, is_held].ravel()
     if is_quadratic:
+        unknowns = np.concatenate([unknowns, basis.edge_dofs.T[mesh.t2e.T]], axis=1)
         between = is_held[mesh.edges].all(axis=0)
         held = np.concatenate([held, basis.edge_dofs[:, between].ravel()])
     free = np.setdiff1d(np.arange(stiffness.shape[0]), held)
-    return stiffness.tocsc(), mass.tocsc(), node_dofs, free
+    return stiffness.tocsc(), mass.tocsc(), unknowns.astype(np.int64), free
 
 
-def _embedding(mesh: Mesh, points: Array, cells: Indices, node_dofs: Indices, count: int) -> Any:
+def _embedding(mesh: Mesh, points: Array, cells: Indices, unknowns: Indices, count: int) -> Any:
     """Return the matrix from unknowns to displacements of the surface's vertices (3 v, count)."""
     from scipy import sparse
     from scipy.spatial import KDTree
@@ -302,11 +303,21 @@ def _embedding(mesh: Mesh, points: Array, cells: Indices, node_dofs: Indices, co
             f"vertex {int(outside.argmin())} of {mesh.name!r} is farther from all tetrahedra than "
             "they are large; valid: tetrahedra that fill the mesh"
         )
-    columns = node_dofs[cells[cell]]  # (v, 4, 3)
+    columns = unknowns[cell]  # (v, 4 or 10, 3)
+    shares = _shape_functions(weights, columns.shape[1])
     row = 3 * rows[:, None, None] + np.arange(3)
-    values = np.broadcast_to(weights[:, :, None], columns.shape)
+    values = np.broadcast_to(shares[:, :, None], columns.shape)
     at = (np.broadcast_to(row, columns.shape).ravel(), columns.ravel())
     return sparse.csc_matrix((values.ravel(), at), (3 * len(rows), count))
+
+
+def _shape_functions(weights: Array, count: int) -> Array:
+    """Return the 4 or 10 shape functions of tetrahedra at barycentric coordinates (v, 4)."""
+    if count == len(weights[0]):
+        return weights
+    one, two = np.transpose([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])  # as in scikit-fem
+    between = 4.0 * weights[:, one] * weights[:, two]
+    return np.concatenate([weights * (2.0 * weights - 1.0), between], axis=1)
 
 
 def _reduced(stiffness: Any, mass: Any, onto: Any, count: int) -> tuple[Array, Array, Array]:

@@ -37,7 +37,7 @@ LONGEST_STEP = 0.02
 """[s]"""
 _STEP_ERROR = 3e-4
 """Largest error of a displacement after a step, over the thickness of the layer [-]."""
-_NEWTON_STEPS, _HALVINGS = 8, 5
+_NEWTON_STEPS, _HALVINGS = 16, 4
 _CLOSE = 1e-9
 """Largest error of a displacement at rest, over the thickness of the layer [-]."""
 
@@ -175,8 +175,9 @@ class ElasticContact:
         if not np.abs(u - self._u).max() <= self._leap:
             way = np.abs(u - self._u).reshape(-1, 3).max(axis=1)
             raise AsperityError(
-                f"vertex {int(np.nanargmax(way))} would leap by {np.nanmax(way):.3g} m along an axis in a step of "
-                f"{dt:g} s; valid: at most {self._leap:g} m, with slower bodies or a shorter step"
+                f"vertex {int(np.nanargmax(way))} would leap by {np.nanmax(way):.3g} m along an "
+                f"axis in a step of {dt:g} s; valid: at most {self._leap:g} m, with "
+                "slower bodies or a shorter step"
             )
         pull_on_modes(self._modes, force, pull)
         self._rate = rate + dt * slow * pull
@@ -195,18 +196,23 @@ class ElasticContact:
         force = self._force
         u = _plus(free, self._yield, force)
         error = self._error(u, free, dt)
+        slipping = 1.0
         for _ in range(_NEWTON_STEPS):
             if error <= goal:
                 break
-            better, share = self._solved(free, self._yield, dt), 1.0
+            better, share = self._solved(free, self._yield, dt, slipping), 1.0
             target, start = _plus(free, self._yield, better), (u, force)
             for _ in range(_HALVINGS):
                 u = start[0] + share * (target - start[0])
                 force = start[1] + share * (better - start[1])
                 found = self._error(u, free, dt)
-                if found <= max(error, goal):
+                if found < error:
                     break
                 share *= 0.5
+            if found >= error and slipping:
+                # Near the speed at which friction ceases to grow its slope leads astray.
+                (u, force), slipping = start, 0.0
+                found = self._error(u, free, dt)
             error = found
         self.error = error
         return force, u
@@ -283,15 +289,17 @@ class ElasticContact:
         self.surface.press_at(self.body.mesh.vertices + u.reshape(shape), speed.reshape(shape))
         self._at = u
 
-    def _solved(self, free: Array, compliance: Array, dt: float) -> Array:
+    def _solved(self, free: Array, compliance: Array, dt: float, slipping: float = 1.0) -> Array:
         """Return the forces on the vertices (3 v,) that agree with the displacements they cause.
 
-        `free` are the displacements without them.
+        `free` are the displacements without them. `slipping`: 1 for the slope of the friction, 0
+        for its ratio to the slip velocity.
         """
         state, out = self.surface.state, np.empty_like(free)
         count = int(state.pressed[-1])
         faces = self.surface.surface.arrays.faces[state.pressed[:count]]
-        springs = state.stiffness[:count] + state.damping[:count] / dt
+        drag = state.damping[:count] - slipping * state.slipping[:count]
+        springs = state.stiffness[:count] + drag / dt
         agreeing_forces(faces, springs, compliance, free, self._at, state.force.ravel(), out)
         return out
 
@@ -302,8 +310,8 @@ class ElasticContact:
         turned = np.einsum("ij,ij->i", state.normal[touched], surface.normals[touched]) <= 0.0
         if turned.any():
             raise AsperityError(
-                f"triangle {touched[turned][0]} of {surface.mesh.name!r} has turned inside out: the "
-                "body is pressed harder than a linear one can bear"
+                f"triangle {touched[turned][0]} of {surface.mesh.name!r} has turned inside out: "
+                "the body is pressed harder than a linear one can bear"
             )
 
 

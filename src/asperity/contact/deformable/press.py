@@ -2,8 +2,8 @@
 
 A taxel lies at fixed barycentric coordinates beta of a triangle. With q = sum beta_i x_i, nu the
 unit vector along `sum beta_i nu_i` of the normals at the corners, and h its texture's height, its
-ray starts at q + h nu and goes along -nu. Where it leaves the other body, at X = q + (h - delta) nu,
-that body's normal is N. With m = N / (N.(-nu)),
+ray starts at q + h nu and goes along -nu. Where it leaves the other body, at
+X = q + (h - delta) nu, that body's normal is N. With m = N / (N.(-nu)),
 
     d(delta) = -m . (sum beta_i dx_i + (h - delta) dnu),
 
@@ -18,18 +18,15 @@ with the coefficients that it has at rest; corners that shared one normal then s
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.stack import stack_array
 from asperity.contact.soft.layer import layer_pressure
 from asperity.contact.soft.press import (
     GRAZING,
     SLIP_SPEED,
-    TaxelArrays,
     add_taxel,
     deepest,
     fill_relative,
@@ -39,84 +36,6 @@ from asperity.contact.soft.sheets import sheet_at
 
 COLLAPSED = 1e-4
 """Least area of a triangle, over that at rest."""
-
-
-class SurfaceArrays(NamedTuple):
-    """A surface at rest: `m` triangles, `v` vertices, `g` shared normals, `n` taxels."""
-
-    faces: Indices
-    """Vertices of each triangle, (m, 3)."""
-    shared: Indices
-    """Number of the normal at each corner, (m, 3)."""
-    members: Indices
-    """Corners, 3 * triangle + 0, 1 or 2, in the order of their normals, (3 m,)."""
-    first_member: Indices
-    """Where those of each normal begin, (g + 1,)."""
-    tilt: Array
-    """Coefficients a, b [1/m] and c [-] of each corner's normal, (m, 3, 3)."""
-    area: Array
-    """Of each triangle [m^2], (m,)."""
-    highest: Array
-    """Largest distance of a ray's ends from the smooth triangle [m], (m,)."""
-    first: Indices
-    """Where the taxels of each triangle begin, (m + 1,)."""
-    weight: Array
-    """Barycentric coordinates of the taxels, (n, 3)."""
-    height: Array
-    """Of the texture at the taxels [m], (n,)."""
-
-
-class SurfaceState(NamedTuple):
-    """What is computed of a surface at one place of its vertices."""
-
-    taxels: TaxelArrays
-    """Places and rays, world axes; of triangles near a body alone."""
-    normal: Array
-    """Of each triangle, (m, 3)."""
-    hat: Array
-    """Gradients of the barycentric coordinates [1/m], (m, 3, 3)."""
-    known: Indices
-    """Tick at which a triangle was computed last, (m,)."""
-    blend: Array
-    """The shared normals, (g, 3)."""
-    length: Array
-    """Of the sums that they were made of, (g,)."""
-    blended: Indices
-    """Tick at which a shared normal was computed last, (g,)."""
-    pull: Array
-    """-dU over the shared normals [N m], (g, 3)."""
-    used: Indices
-    """Numbers of the normals that were computed, and as the last entry how many, (g + 1,)."""
-    hit: Indices
-    """The geom that presses a taxel, (n,)."""
-    pressed: Indices
-    """Numbers of the triangles with a taxel in contact, and as the last entry how many, (m + 1,)."""
-    stiffness: Array
-    """Minus the derivative of the forces on the vertices of each triangle of `pressed` with respect to
-    their places [N/m], (m, 9, 9); without that of the normals, nor of N."""
-    damping: Array
-    """The same with respect to their velocities [N s/m], (m, 9, 9)."""
-    force: Array
-    """On each vertex: -dU/dx and friction [N], (v, 3)."""
-    wrench: Array
-    """On each body: force [N], torque about its centre [N m], (bodies, 6)."""
-    tick: Indices
-    """Number of the tick, and of a triangle that has collapsed, or -1; (2,)."""
-
-
-class SurfaceMotion(NamedTuple):
-    """Where vertices and bodies are and how they move, world axes."""
-
-    vertices: Array
-    """[m], (v, 3)"""
-    velocities: Array
-    """[m/s], (v, 3)"""
-    origin: Array
-    """About which torques are [m], (3,)."""
-    centres: Array
-    """Points of the bodies [m], (bodies, 3)."""
-    twists: Array
-    """Velocities of these points [m/s] and angular velocities [rad/s], (bodies, 6)."""
 
 
 @inner_kernel
@@ -303,9 +222,10 @@ def _add_blocks(surface, state, row, t, m, slip, springs):
                     push = slope * m[i] * m[j] - drag * growth * slip[i] * m[j]
                     state.stiffness[row, 3 * one + i, 3 * two + j] += share * push
                     if drag > 0.0:
-                        across = 1.0 if i == j else 0.0
-                        across -= m[i] * m[j] / square + slip[i] * slip[j] / speed
+                        across = (1.0 if i == j else 0.0) - m[i] * m[j] / square
                         state.damping[row, 3 * one + i, 3 * two + j] += share * drag * across
+                        along = slip[i] * slip[j] / speed
+                        state.slipping[row, 3 * one + i, 3 * two + j] += share * drag * along
 
 
 @inner_kernel
@@ -347,6 +267,7 @@ def _clear(surface, state, out):
         for i in range(9):
             for j in range(9):
                 state.stiffness[row, i, j] = state.damping[row, i, j] = 0.0
+                state.slipping[row, i, j] = 0.0
     state.pressed[last] = 0
     state.used[state.used.size - 1] = 0
     state.tick[0] += 1

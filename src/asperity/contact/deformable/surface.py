@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
-from asperity.contact.deformable.press import SurfaceArrays
+from asperity.contact.deformable.records import SurfaceArrays
 from asperity.contact.soft.press import TaxelArrays
 from asperity.contact.soft.skin import foundation_modulus
 from asperity.errors import AsperityError, require_between, require_positive
@@ -114,9 +114,9 @@ class DeformableSurface:
         total = float((sides**2).sum())
         if total > MOST_TAXELS:
             raise AsperityError(
-                f"pitch {self._pitch:g} m gives {total:.3g} taxels on {mesh.name!r}; valid: at most "
-                f"{MOST_TAXELS}, a pitch of {self._pitch * np.sqrt(total / MOST_TAXELS):.2g} m or "
-                "more"
+                f"pitch {self._pitch:g} m gives {total:.3g} taxels on {mesh.name!r}; valid: at "
+                f"most {MOST_TAXELS}, a pitch of "
+                f"{self._pitch * np.sqrt(total / MOST_TAXELS):.2g} m or more"
             )
         counts = sides.astype(np.int64) ** 2
         first = np.concatenate([[0], np.cumsum(counts)])

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import Repeated
-from asperity.contact.deformable.press import SurfaceMotion, SurfaceState, press_surface
+from asperity.contact.deformable.press import press_surface
+from asperity.contact.deformable.records import SurfaceMotion, SurfaceState
 from asperity.contact.deformable.surface import DeformableSurface
 from asperity.contact.soft.press import SkinOutput
 from asperity.contact.soft.solids import fill_frames, solids_of
@@ -80,7 +81,7 @@ class SurfaceContact:
             surface.taxels(), np.zeros((m, 3)), np.zeros((m, 3, 3)), np.zeros(m, np.int64),
             np.zeros((g, 3)), np.zeros(g), np.zeros(g, np.int64), np.zeros((g, 3)),
             np.zeros(g + 1, np.int64), np.full(n, -1, np.int64), np.zeros(m + 1, np.int64),
-            np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((v, 3)), np.zeros((count, 6)),
+            np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((v, 3)), np.zeros((count, 6)),
             np.zeros(2, np.int64),
         )  # fmt: skip
         self.out = SkinOutput(
@@ -179,7 +180,7 @@ class SurfaceContact:
         self._refuse_collapsed()
 
     def arms(self, poses: Sequence[Array]) -> Array:
-        """Return the ways from the origins of the bodies' frames to their centres (bodies, 3) [m]."""
+        """Return the ways from the bodies' origins to their centres (bodies, 3) [m]."""
         turns = [rotation_of(pose[3:]) for pose in poses]
         return np.array([turn @ own for turn, own in zip(turns, self._centres, strict=True)])
 
@@ -187,14 +188,16 @@ class SurfaceContact:
         triangle = int(self.state.tick[1])
         if triangle >= 0:
             raise AsperityError(
-                f"triangle {triangle} of {self.surface.mesh.name!r} has collapsed: it has less than "
-                "1e-4 of its area at rest"
+                f"triangle {triangle} of {self.surface.mesh.name!r} has collapsed: it has less "
+                "than 1e-4 of its area at rest"
             )
 
     def clear(self) -> None:
         """Leave no contact and no force, until the next places."""
         self.state.wrench[:] = 0.0
-        self.state.force[:] = self.state.stiffness[:] = self.state.damping[:] = 0.0
+        for blocks in (self.state.stiffness, self.state.damping, self.state.slipping):
+            blocks[:] = 0.0
+        self.state.force[:] = 0.0
         self.state.hit[:] = -1
         for array in (self.out.compression, self.out.traction, self.out.force, self.out.wrench):
             array[:] = 0.0
