@@ -81,8 +81,8 @@ class SurfaceContact:
             surface.taxels(), np.zeros((m, 3)), np.zeros((m, 3, 3)), np.zeros(m, np.int64),
             np.zeros((g, 3)), np.zeros(g), np.zeros(g, np.int64), np.zeros((g, 3)),
             np.zeros(g + 1, np.int64), np.full(n, -1, np.int64), np.zeros(m + 1, np.int64),
-            np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((v, 3)), np.zeros((count, 6)),
-            np.zeros(2, np.int64),
+            np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((v, 3)),
+            np.zeros((count, 6)), np.zeros(2, np.int64),
         )  # fmt: skip
         self.out = SkinOutput(
             np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
