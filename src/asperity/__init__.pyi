@@ -13,6 +13,7 @@ from .contact.response.settings import ForceSettings as ForceSettings
 from .contact.soft.skin import SoftSkin as SoftSkin
 from .contact.soft.skin_contact import SkinContact as SkinContact
 from .contact.solver import ContactSolver as ContactSolver
+from .contact.taxel_forces import TaxelForces as TaxelForces
 from .designing.design import design as design
 from .dynamics.virtual_coupling.settings import CouplingSettings as CouplingSettings
 from .errors import AsperityError as AsperityError
