@@ -2,11 +2,18 @@
 
 from .baking.bake import bake as bake
 from .contact.body_pair import BodyPair as BodyPair
+from .contact.deformable.elastic_body import ElasticBody as ElasticBody
+from .contact.deformable.elastic_body import elastic_body as elastic_body
+from .contact.deformable.elastic_body import tetrahedra_in as tetrahedra_in
+from .contact.deformable.elastic_contact import ElasticContact as ElasticContact
+from .contact.deformable.surface import DeformableSurface as DeformableSurface
+from .contact.deformable.surface_contact import SurfaceContact as SurfaceContact
 from .contact.multibody import MultibodySolver as MultibodySolver
 from .contact.response.settings import ForceSettings as ForceSettings
 from .contact.soft.skin import SoftSkin as SoftSkin
 from .contact.soft.skin_contact import SkinContact as SkinContact
 from .contact.solver import ContactSolver as ContactSolver
+from .contact.taxel_forces import TaxelForces as TaxelForces
 from .designing.design import design as design
 from .dynamics.virtual_coupling.settings import CouplingSettings as CouplingSettings
 from .errors import AsperityError as AsperityError

@@ -25,7 +25,7 @@ from asperity.contact.soft.sheets import lift, sheet_at
 
 SLIP_SPEED = 5e-3
 """Speed v0 of the regularised friction [m/s]; project default."""
-_GRAZING = 1e-3
+GRAZING = 1e-3
 """Least cosine between a ray and a normal with which a force is computed."""
 
 
@@ -81,6 +81,21 @@ class SkinOutput(NamedTuple):
 
 
 @inner_kernel
+def take_across(slip, m, most):
+    """Leave of a slip velocity (3,) what is across m; return friction over it [N s/m].
+
+    `most` is the coefficient times p a [N].
+    """
+    square = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+    along = (slip[0] * m[0] + slip[1] * m[1] + slip[2] * m[2]) / square
+    speed = SLIP_SPEED * SLIP_SPEED
+    for i in range(3):
+        slip[i] -= along * m[i]
+        speed += slip[i] * slip[i]
+    return most * math.sqrt(square / speed)
+
+
+@inner_kernel
 def _add_friction(t, most, m, arm, twist, out):
     """Add the friction of a taxel and its damping; `most` is the coefficient times p a [N]."""
     slip, jacobian = stack_array((3,)), stack_array((6,))
@@ -89,12 +104,7 @@ def _add_friction(t, most, m, arm, twist, out):
     slip[0] = twist[0] + twist[4] * rz - twist[5] * ry
     slip[1] = twist[1] + twist[5] * rx - twist[3] * rz
     slip[2] = twist[2] + twist[3] * ry - twist[4] * rx
-    along = (slip[0] * m[0] + slip[1] * m[1] + slip[2] * m[2]) / square
-    speed = SLIP_SPEED * SLIP_SPEED
-    for i in range(3):
-        slip[i] -= along * m[i]
-        speed += slip[i] * slip[i]
-    drag = most * math.sqrt(square / speed)
+    drag = take_across(slip, m, most)
     fx, fy, fz = -drag * slip[0], -drag * slip[1], -drag * slip[2]
     out.force[t, 0] += fx
     out.force[t, 1] += fy
@@ -143,7 +153,20 @@ def _is_near(solids, relative, taxels, block):
 
 
 @inner_kernel
-def _deepest(solids, relative, taxels, t, x_out, d_out):
+def fill_relative(frames, pose, relative_out):
+    """Fill the frame `pose` (3, 4) as it is seen from each of the `frames` (n, 3, 4)."""
+    for g in range(frames.shape[0]):
+        for i in range(3):
+            for j in range(4):
+                total = 0.0
+                for k in range(3):
+                    value = pose[k, j] - (frames[g, k, 3] if j == 3 else 0.0)
+                    total += frames[g, k, i] * value
+                relative_out[g, i, j] = total
+
+
+@inner_kernel
+def deepest(solids, relative, taxels, t, x_out, d_out):
     """Return how far a taxel is pressed in, by which geom, -1 for none, and by which sheet of it.
 
     Fills where the ray leaves that geom, and the ray's direction, in the geom's frame (3,).
@@ -165,7 +188,7 @@ def _deepest(solids, relative, taxels, t, x_out, d_out):
 
 
 @inner_kernel
-def _add_taxel(t, taxels, friction, pose, origin, m, twist, out):
+def add_taxel(t, taxels, friction, pose, origin, m, twist, out):
     """Add the pressure and friction of a taxel that is pressed in; return its energy [J].
 
     `origin` (3,) is the point about which torques are, world axes.
@@ -231,14 +254,7 @@ def press(solids, taxels, friction, pose, centre, twist, out):
         origin[i] = pose[i, 3]
         for j in range(3):
             origin[i] += pose[i, j] * centre[j]
-    for g in range(frames.shape[0]):
-        for i in range(3):
-            for j in range(4):
-                total = 0.0
-                for k in range(3):
-                    value = pose[k, j] - (frames[g, k, 3] if j == 3 else 0.0)
-                    total += frames[g, k, i] * value
-                relative[g, i, j] = total
+    fill_relative(frames, pose, relative)
     out.wrench[:] = 0.0
     out.damped[:] = 0.0
     out.stiffness[:] = 0.0
@@ -255,20 +271,20 @@ def press(solids, taxels, friction, pose, centre, twist, out):
         if not _is_near(solids, relative, taxels, block):
             continue
         for t in range(block * BLOCK, min((block + 1) * BLOCK, total)):
-            depth, hit, face = _deepest(solids, relative, taxels, t, best_x, best_d)
+            depth, hit, face = deepest(solids, relative, taxels, t, best_x, best_d)
             if hit < 0:
                 continue
             out.pressed[count], out.compression[t] = t, depth
             count += 1
             sheet_at(solids, hit, face, best_x, normal)
             rate = normal[0] * best_d[0] + normal[1] * best_d[1] + normal[2] * best_d[2]
-            rate = max(rate, _GRAZING)
+            rate = max(rate, GRAZING)
             for i in range(3):
                 m[i], out.point[t, i] = 0.0, frames[hit, i, 3]
                 for j in range(3):
                     m[i] += frames[hit, i, j] * normal[j] / rate
                     out.point[t, i] += frames[hit, i, j] * best_x[j]
-            energy += _add_taxel(t, taxels, friction, pose, origin, m, twist, out)
+            energy += add_taxel(t, taxels, friction, pose, origin, m, twist, out)
     out.pressed[total] = count
     for i in range(6):
         out.wrench[i] += out.damped[i]

@@ -1,0 +1,361 @@
+"""The taxels of a surface whose vertices move: compressions, and forces on vertices and bodies.
+
+A taxel lies at fixed barycentric coordinates beta of a triangle. With q = sum beta_i x_i, nu the
+unit vector along `sum beta_i nu_i` of the normals at the corners, and h its texture's height, its
+ray starts at q + h nu and goes along -nu. Where it leaves the other body, at
+X = q + (h - delta) nu, that body's normal is N. With m = N / (N.(-nu)),
+
+    d(delta) = -m . (sum beta_i dx_i + (h - delta) dnu),
+
+so that the energy `U = sum a w(delta)`, a the area at rest, gives each vertex the force
+
+    -dU/dx_i = sum p a (beta_i m + (h - delta) m . dnu/dx_i).
+
+The normal of a corner is `a e1 + b e2 + c n`, e1 and e2 edges and n the normal of its triangle,
+with the coefficients that it has at rest; corners that shared one normal then share the mean.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity._core.kernels import inner_kernel, kernel
+from asperity._core.stack import stack_array
+from asperity.contact.soft.layer import layer_pressure
+from asperity.contact.soft.press import (
+    GRAZING,
+    SLIP_SPEED,
+    add_taxel,
+    deepest,
+    fill_relative,
+    take_across,
+)
+from asperity.contact.soft.sheets import sheet_at
+
+COLLAPSED = 1e-4
+"""Least area of a triangle, over that at rest."""
+
+
+@inner_kernel
+def _fill_triangle(surface, state, x, f):
+    """Fill the normal of a triangle and its gradients, once a tick."""
+    if state.known[f] == state.tick[0]:
+        return
+    state.known[f] = state.tick[0]
+    n, side = state.normal[f], stack_array((3,))
+    a, b, c = surface.faces[f, 0], surface.faces[f, 1], surface.faces[f, 2]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        n[i] = (x[b, j] - x[a, j]) * (x[c, k] - x[a, k])
+        n[i] -= (x[b, k] - x[a, k]) * (x[c, j] - x[a, j])
+    twice = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    if not twice > 2.0 * COLLAPSED * surface.area[f]:
+        state.tick[1] = f
+        twice = max(twice, 1e-300)
+    for i in range(3):
+        n[i] /= twice
+    for corner in range(3):
+        one, two = surface.faces[f, (corner + 1) % 3], surface.faces[f, (corner + 2) % 3]
+        for i in range(3):
+            side[i] = (x[two, i] - x[one, i]) / twice
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            state.hat[f, corner, i] = n[j] * side[k] - n[k] * side[j]
+
+
+@inner_kernel
+def _fill_shared(surface, state, x, g):
+    """Fill a shared normal, once a tick."""
+    if state.blended[g] == state.tick[0]:
+        return
+    state.blended[g] = state.tick[0]
+    total, last = state.blend[g], state.used.size - 1
+    state.used[state.used[last]] = g
+    state.used[last] += 1
+    for i in range(3):
+        total[i] = state.pull[g, i] = 0.0
+    for k in range(surface.first_member[g], surface.first_member[g + 1]):
+        f, corner = divmod(surface.members[k], 3)
+        _fill_triangle(surface, state, x, f)
+        a, b, c = surface.faces[f, 0], surface.faces[f, 1], surface.faces[f, 2]
+        tilt = surface.tilt[f, corner]
+        for i in range(3):
+            total[i] += tilt[0] * (x[b, i] - x[a, i]) + tilt[1] * (x[c, i] - x[a, i])
+            total[i] += tilt[2] * state.normal[f, i]
+    length = math.sqrt(total[0] * total[0] + total[1] * total[1] + total[2] * total[2])
+    state.length[g] = max(length, 1e-12)
+    for i in range(3):
+        total[i] /= state.length[g]
+
+
+@inner_kernel
+def _is_near(solids, relative, surface, x, f):
+    """Return whether a solid may touch a triangle."""
+    middle, radius = stack_array((3,)), 0.0
+    for i in range(3):
+        middle[i] = 0.0
+        for corner in range(3):
+            middle[i] += x[surface.faces[f, corner], i] / 3.0
+    for corner in range(3):
+        far = 0.0
+        for i in range(3):
+            far += (x[surface.faces[f, corner], i] - middle[i]) ** 2
+        radius = max(radius, far)
+    return _reaches(solids, relative, middle, math.sqrt(radius) + surface.highest[f])
+
+
+@inner_kernel
+def _reaches(solids, relative, x, radius):
+    """Return whether a solid may come within a distance of a point (3,), world axes."""
+    for g in range(relative.shape[0]):
+        far = 0.0
+        for i in range(3):
+            along = relative[g, i, 3]
+            for j in range(3):
+                along += relative[g, i, j] * x[j]
+            far += along * along
+        if far <= (solids.bound[g] + radius) ** 2:
+            return True
+    return False
+
+
+@inner_kernel
+def _lay(surface, state, x, f, t):
+    """Fill ray and place of a taxel of triangle `f`, which is on the smooth triangle yet.
+
+    Return the length of its blended normal.
+    """
+    point, inwards = state.taxels.point[t], state.taxels.inwards[t]
+    for i in range(3):
+        inwards[i] = 0.0
+        for corner in range(3):
+            share = surface.weight[t, corner]
+            inwards[i] -= share * state.blend[surface.shared[f, corner], i]
+    length = math.sqrt(inwards[0] * inwards[0] + inwards[1] * inwards[1] + inwards[2] * inwards[2])
+    length = max(length, 1e-12)
+    for i in range(3):
+        inwards[i] /= length
+        point[i] -= surface.height[t] * inwards[i]
+    return length
+
+
+@inner_kernel
+def _lay_along(surface, state, x, f, t):
+    """Fill the axes of a taxel's shear: the triangle's first edge across the ray, and a second."""
+    along, d = state.taxels.along[t], state.taxels.inwards[t]
+    a, b = surface.faces[f, 0], surface.faces[f, 1]
+    part = square = 0.0
+    for i in range(3):
+        part += (x[b, i] - x[a, i]) * d[i]
+    for i in range(3):
+        along[0, i] = x[b, i] - x[a, i] - part * d[i]
+        square += along[0, i] ** 2
+    square = max(square, 1e-300)
+    for i in range(3):
+        along[0, i] /= math.sqrt(square)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        along[1, i] = along[0, j] * d[k] - along[0, k] * d[j]
+
+
+@inner_kernel
+def _slip(surface, motion, f, t, body, x, slip_out):
+    """Fill the velocity of a taxel over the body at a point x, and zeros (6,)."""
+    twist, centre = motion.twists[body], motion.centres[body]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        slip_out[3 + i] = 0.0
+        slip_out[i] = (
+            -twist[i] - twist[3 + j] * (x[k] - centre[k]) + twist[3 + k] * (x[j] - centre[j])
+        )
+        for corner in range(3):
+            slip_out[i] += (
+                surface.weight[t, corner] * motion.velocities[surface.faces[f, corner], i]
+            )
+
+
+@inner_kernel
+def _push_body(motion, state, out, t, body):
+    """Add the force of a taxel to the wrench on a body."""
+    force, x, centre = out.force[t], out.point[t], motion.centres[body]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        state.wrench[body, i] -= force[i]
+        state.wrench[body, 3 + i] -= (x[j] - centre[j]) * force[k] - (x[k] - centre[k]) * force[j]
+
+
+@inner_kernel
+def _push_vertices(surface, state, out, f, t, m, length):
+    """Add the force of a taxel to the vertices, and to the normals of the corners."""
+    square = along = turned = 0.0
+    for i in range(3):
+        square += m[i] * m[i]
+        along += out.force[t, i] * m[i]
+        turned -= m[i] * state.taxels.inwards[t, i]
+    # Friction is across m.
+    pushed = along / square * (surface.height[t] - out.compression[t]) / length
+    for corner in range(3):
+        share, g = surface.weight[t, corner], surface.shared[f, corner]
+        for i in range(3):
+            state.force[surface.faces[f, corner], i] += share * out.force[t, i]
+            across = m[i] + turned * state.taxels.inwards[t, i]
+            state.pull[g, i] += share * pushed * across
+
+
+@inner_kernel
+def _add_blocks(surface, state, row, t, m, slip, springs):
+    """Add stiffness and damping of a taxel to those of its triangle's vertices.
+
+    `slip` (3,) is the slip velocity across m. `springs`: stiffness along m [N/m], friction over the
+    slip velocity [N s/m], and by which part that grows for each metre of compression [1/m].
+    """
+    slope, drag, growth = springs
+    square = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+    speed = SLIP_SPEED**2 + slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2]
+    for one in range(3):
+        for two in range(3):
+            share = surface.weight[t, one] * surface.weight[t, two]
+            for i in range(3):
+                for j in range(3):
+                    push = slope * m[i] * m[j] - drag * growth * slip[i] * m[j]
+                    state.stiffness[row, 3 * one + i, 3 * two + j] += share * push
+                    if drag > 0.0:
+                        across = (1.0 if i == j else 0.0) - m[i] * m[j] / square
+                        state.damping[row, 3 * one + i, 3 * two + j] += share * drag * across
+                        along = slip[i] * slip[j] / speed
+                        state.slipping[row, 3 * one + i, 3 * two + j] += share * drag * along
+
+
+@inner_kernel
+def _turn_normals(surface, state, x):
+    """Add to the vertices what pulls at the normals."""
+    last = state.used.size - 1
+    for k in range(state.used[last]):
+        g = state.used[k]
+        pull, normal = state.pull[g], state.blend[g]
+        along = pull[0] * normal[0] + pull[1] * normal[1] + pull[2] * normal[2]
+        for i in range(3):
+            pull[i] = (pull[i] - along * normal[i]) / state.length[g]
+        for at in range(surface.first_member[g], surface.first_member[g + 1]):
+            f, corner = divmod(surface.members[at], 3)
+            a, b, c = (
+                surface.tilt[f, corner, 0],
+                surface.tilt[f, corner, 1],
+                surface.tilt[f, corner, 2],
+            )
+            for one in range(3):
+                hat, vertex = state.hat[f, one], surface.faces[f, one]
+                turn = c * (pull[0] * hat[0] + pull[1] * hat[1] + pull[2] * hat[2])
+                edge = -(a + b) if one == 0 else (a if one == 1 else b)
+                for i in range(3):
+                    state.force[vertex, i] += edge * pull[i] - turn * state.normal[f, i]
+
+
+@inner_kernel
+def _clear(surface, state, out):
+    """Forget the forces of the last tick."""
+    last = state.pressed.size - 1
+    for row in range(state.pressed[last]):
+        f = state.pressed[row]
+        for t in range(surface.first[f], surface.first[f + 1]):
+            out.compression[t] = 0.0
+            state.hit[t] = -1
+            for i in range(3):
+                out.force[t, i] = out.traction[t, i] = 0.0
+        for i in range(9):
+            for j in range(9):
+                state.stiffness[row, i, j] = state.damping[row, i, j] = 0.0
+                state.slipping[row, i, j] = 0.0
+    state.pressed[last] = 0
+    state.used[state.used.size - 1] = 0
+    state.tick[0] += 1
+    state.tick[1] = -1
+    for i in range(6):
+        out.wrench[i] = out.damped[i] = 0.0
+        for j in range(6):
+            out.stiffness[i, j] = out.damping[i, j] = 0.0
+    for i in range(5):
+        out.push[i] = 0.0
+    out.pressed[out.pressed.size - 1] = 0
+    out.energy[0] = 0.0
+
+
+@kernel
+def press_surface(solids, surface, friction, motion, state, out):
+    """Fill `state` and `out` at a place of vertices and bodies.
+
+    Parameters
+    ----------
+    solids : Solids
+        What the surface meets.
+    surface : SurfaceArrays
+    friction : float
+        Coulomb's coefficient [-].
+    motion : SurfaceMotion
+    state : SurfaceState
+    out : SkinOutput
+        Wrench, stiffness and damping are those of the surface about `motion.origin`.
+    """
+    x, taxels = motion.vertices, state.taxels
+    relative, still = np.empty((solids.frames.shape[0], 3, 4)), np.zeros((3, 4))
+    normal, m, best_x, best_d = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    slip = np.empty(6)
+    for i in range(3):
+        still[i, i] = 1.0
+    fill_relative(solids.frames, still, relative)
+    _clear(surface, state, out)
+    state.force[:] = 0.0
+    state.wrench[:] = 0.0
+    last, count = state.pressed.size - 1, 0
+    for f in range(surface.faces.shape[0]):
+        if not _is_near(solids, relative, surface, x, f):
+            continue
+        row = -1
+        for corner in range(3):
+            _fill_shared(surface, state, x, surface.shared[f, corner])
+        for t in range(surface.first[f], surface.first[f + 1]):
+            point = taxels.point[t]
+            for i in range(3):
+                point[i] = 0.0
+                for corner in range(3):
+                    point[i] += surface.weight[t, corner] * x[surface.faces[f, corner], i]
+            if not _reaches(solids, relative, point, surface.highest[f]):
+                continue
+            length = _lay(surface, state, x, f, t)
+            depth, hit, face = deepest(solids, relative, taxels, t, best_x, best_d)
+            if hit < 0:
+                continue
+            if row < 0:
+                row = state.pressed[last]
+                state.pressed[row] = f
+                state.pressed[last] += 1
+            out.pressed[count], out.compression[t], state.hit[t] = t, depth, hit
+            count += 1
+            _lay_along(surface, state, x, f, t)
+            sheet_at(solids, hit, face, best_x, normal)
+            rate = normal[0] * best_d[0] + normal[1] * best_d[1] + normal[2] * best_d[2]
+            rate = max(rate, GRAZING)
+            for i in range(3):
+                m[i], out.point[t, i] = 0.0, solids.frames[hit, i, 3]
+                for j in range(3):
+                    m[i] += solids.frames[hit, i, j] * normal[j] / rate
+                    out.point[t, i] += solids.frames[hit, i, j] * best_x[j]
+            body = solids.geometry.body[hit]
+            _slip(surface, motion, f, t, body, out.point[t], slip)
+            out.energy[0] += add_taxel(t, taxels, friction, still, motion.origin, m, slip, out)
+            _push_body(motion, state, out, t, body)
+            pressure, slope, _ = layer_pressure(taxels.modulus[t], taxels.thickness[t], depth)
+            area = taxels.area[t]
+            drag = take_across(slip, m, friction * pressure * area)
+            _push_vertices(surface, state, out, f, t, m, length)
+            springs = (slope * area, drag, slope / pressure)
+            _add_blocks(surface, state, row, t, m, slip, springs)
+    out.pressed[out.pressed.size - 1] = count
+    _turn_normals(surface, state, x)
+    for i in range(6):
+        out.wrench[i] += out.damped[i]
+        for j in range(i):
+            out.stiffness[j, i] = out.stiffness[i, j]
+            out.damping[j, i] = out.damping[i, j]
