@@ -20,8 +20,6 @@ from asperity.studies.sweeps.run import run_sweep
 from asperity.studies.sweeps.store import open_sweep
 from asperity.studies.sweeps.study import read_study
 
-pytestmark = pytest.mark.xdist_group("sweep-cluster")
-
 SPACING = {"from": 0.5e-3, "to": 3.5e-3, "count": 25, "scale": "log"}
 STUDY = {
     "schema": 1,
