@@ -57,6 +57,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.flaky(reruns=1))
 
 
+@pytest.fixture
+def small_pictures(monkeypatch):
+    """Draw a run's pictures with a 25th of their pixels: they take most of a short run's time."""
+    from asperity.drawing.renderer import contact
+    from asperity.runs.run_scene import take_pictures
+
+    monkeypatch.setitem(take_pictures.__kwdefaults__, "rows", 124)
+    monkeypatch.setattr(contact, "_SHADOW", 180)
+
+
 @pytest.fixture(autouse=True)
 def no_lines_of_progress(monkeypatch):
     """Keep progress off stderr: how long a test takes depends on the machine."""
