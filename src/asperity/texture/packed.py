@@ -190,18 +190,22 @@ def _most(c: Array, along_u: int, along_v: int, size: bool = False, parts: int =
     also shape its neighbours.
     """
     spline: Array = np.diff(np.diff(c, along_u, axis=1), along_v, axis=0)
-    points = (
-        across
-        for along in _bezier_points(spline, 3 - along_v, parts)
-        for across in _bezier_points(along.T, 3 - along_u, parts)
-    )
-    return functools.reduce(np.maximum, (np.abs(p) if size else p for p in points)).T
+    rows, columns = c.shape[0] - 3, c.shape[1] - 3
+    most = np.empty((parts * rows, parts * columns))
+    # Piece by piece, so that what is computed fits into the cache.
+    for i, along in enumerate(_bezier_points(spline, 3 - along_v, parts)):
+        across = [_bezier_points(point.T, 3 - along_u, parts) for point in along]
+        for j, pieces in enumerate(zip(*across, strict=True)):
+            points = (np.abs(p) if size else p for piece in pieces for p in piece)
+            most[i::parts, j::parts] = functools.reduce(np.maximum, points).T
+    return most
 
 
-def _bezier_points(c: Array, degree: int, parts: int) -> list[Array]:
+def _bezier_points(c: Array, degree: int, parts: int) -> list[list[Array]]:
     """Return the Bezier points of the pieces of uniform B-splines along the first axis.
 
-    Each piece is cut into `parts`, a power of two.
+    Each piece is cut into `parts`, a power of two; the points of the first part of all pieces come
+    first.
     """
     n = len(c) - degree
     k = [c[i : i + n] for i in range(degree + 1)]
@@ -212,17 +216,21 @@ def _bezier_points(c: Array, degree: int, parts: int) -> list[Array]:
         ]  # fmt: skip
     elif degree == 2:
         k = [0.5 * (k[0] + k[1]), k[1], 0.5 * (k[1] + k[2])]
-    while parts > 1:
-        # de Casteljau: the left half begins, the right half ends the rows of means.
-        left, right = [k[0]], [k[-1]]
-        while len(k) > 1:
-            k = [0.5 * (one + two) for one, two in itertools.pairwise(k)]
-            left.append(k[0])
-            right.append(k[-1])
-        pairs = zip(left, reversed(right), strict=True)
-        k = [np.stack(pair, axis=1).reshape(-1, *c.shape[1:]) for pair in pairs]
-        parts //= 2
-    return k
+    pieces = [k]
+    while len(pieces) < parts:
+        pieces = [half for piece in pieces for half in _halves(piece)]
+    return pieces
+
+
+def _halves(k: list[Array]) -> tuple[list[Array], list[Array]]:
+    """Return the Bezier points of both halves of a piece (de Casteljau)."""
+    # The left half begins, the right half ends the rows of means.
+    left, right = [k[0]], [k[-1]]
+    while len(k) > 1:
+        k = [0.5 * (one + two) for one, two in itertools.pairwise(k)]
+        left.append(k[0])
+        right.append(k[-1])
+    return left, right[::-1]
 
 
 def _largest(c: Array, along_u: int, along_v: int) -> float:
