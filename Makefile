@@ -21,7 +21,7 @@ view: $(VENV)/installed-view         ## a page in the browser on a running scene
 
 test: $(VENV)/installed-dev          ## the tests (two processes, one shared compile cache)
 	@sh .ci/browser.sh
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
+	$(BIN)/python -m pytest -n 2 -m "not slow"
 
 test-slow: $(VENV)/installed-dev
 	$(BIN)/python -m pytest -m slow

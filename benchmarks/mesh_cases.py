@@ -31,7 +31,7 @@ from asperity.contact.solver import ContactSolver
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.convex.pieces import convex_pieces
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
-from asperity.geometry.mesh.texture_coordinates import places_on_texture
+from asperity.geometry.mesh.texture_coordinates import places_on_map
 from asperity.geometry.poses import rotated
 from asperity.scene.builtin.file_cad import BOSS_TOP, YAW
 from asperity.scene.scene import Scene
@@ -164,7 +164,7 @@ def full_detail(body: Body, count: int) -> tuple[Array, NDArray[np.int64]]:
     assert mesh is not None
     assert body.texture is not None
     corners = mesh.vertices[mesh.faces]
-    parts = np.concatenate([corners, mesh.normals, places_on_texture(body)], axis=2)
+    parts = np.concatenate([corners, mesh.normals, places_on_map(body, body.texture)], axis=2)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = 0.5 * float(np.linalg.norm(across, axis=1).sum())
     limit, halved = 2.3 * math.sqrt(2.0 * area / count), parts

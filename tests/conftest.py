@@ -26,26 +26,45 @@ def data() -> Path:
     return _DATA
 
 
-@pytest.hookimpl(trylast=True)
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Have one process do a file's tests, which share what is made once, and one all of the page.
+
+    Two pages with their loops and browsers are more than two cores. By the names of the files,
+    since `--dist loadgroup` of pytest-xdist 3.8 does nothing in pytest 9.2.
+    """
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFile(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return "tests/viewer" if file.startswith("tests/viewer/") else file
+
+    return ByFile(config, log)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Have what waits for others run once more if it fails: a fault fails twice, and is told.
 
     A machine that holds a core for seconds makes any such test fail now and then; those that are
     about timing have clocks of their own.
-
-    What a module makes once for its tests is made in one process: they all run there.
     """
     here = Path(__file__).parent
-    for item in items:
-        made = getattr(item, "_fixtureinfo", None)
-        shared = made and any(d[-1].scope == "module" for d in made.name2fixturedefs.values())
-        if shared and item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
     for item in items:
         if here not in item.path.parents:
             continue
         if item.path.relative_to(here).as_posix().startswith(_WAITING):
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+@pytest.fixture
+def small_pictures(monkeypatch):
+    """Draw a run's pictures with a 25th of their pixels: they take most of a short run's time."""
+    from asperity.drawing.renderer import contact
+    from asperity.runs.run_scene import take_pictures
+
+    monkeypatch.setitem(take_pictures.__kwdefaults__, "rows", 124)
+    monkeypatch.setattr(contact, "_SHADOW", 180)
 
 
 @pytest.fixture(autouse=True)

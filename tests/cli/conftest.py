@@ -9,12 +9,7 @@ def full_pictures():
 
 
 @pytest.fixture(autouse=True)
-def small_pictures(request, monkeypatch):
-    """Draw a run's pictures with a 25th of their pixels: they take most of a short run's time."""
-    if "full_pictures" in request.fixturenames:
-        return
-    from asperity.drawing.renderer import contact
-    from asperity.runs.run_scene import take_pictures
-
-    monkeypatch.setitem(take_pictures.__kwdefaults__, "rows", 124)
-    monkeypatch.setattr(contact, "_SHADOW", 180)
+def pictures(request):
+    """Draw small pictures for whoever does not ask for full ones."""
+    if "full_pictures" not in request.fixturenames:
+        request.getfixturevalue("small_pictures")

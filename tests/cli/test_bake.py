@@ -18,7 +18,7 @@ def _stone(path):
     return str(path)
 
 
-def test_a_scan_is_baked_and_run(full_pictures, tmp_path, capsys):
+def test_a_scan_is_baked_and_run(tmp_path, capsys):
     stone, out = _stone(tmp_path / "stone.stl"), tmp_path / "stone"
     arguments = ["bake", stone, "--faces", "150", "--size", "128", "--out", str(out)]
     assert main(arguments) == 0

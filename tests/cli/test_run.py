@@ -157,7 +157,7 @@ def meshes(tmp_path):
     ]  # fmt: skip
 
 
-def test_a_run_straight_from_meshes_and_an_image(full_pictures, meshes, tmp_path, capsys):
+def test_a_run_straight_from_meshes_and_an_image(meshes, tmp_path, capsys):
     out = tmp_path / "out"
     assert main([*meshes, "--seconds", "0.05", "--out", str(out)]) == 0
     summary = json.loads((out / "summary.json").read_text("utf-8"))

@@ -13,11 +13,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 from bench_energy import DEVICES, SCENES, SESSIONS, run
 
-SECONDS = 0.25
+WHOLE = [pytest.param(name, 0.25, marks=pytest.mark.slow) for name in SCENES]
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_with_the_controller_nothing_is_gained_and_without_it_something_is(name):
+@pytest.mark.parametrize(("name", "seconds"), [*((name, 0.1) for name in SCENES), *WHOLE])
+def test_with_the_controller_nothing_is_gained_and_without_it_something_is(name, seconds):
     """Directly held, without the coupling that would be passive by itself."""
     plain = load_scene(name)
     touching = touching_pose(Simulation(plain).stage.engine, plain.start.copy())
@@ -27,7 +27,7 @@ def test_with_the_controller_nothing_is_gained_and_without_it_something_is(name)
         simulation = Simulation(scene.changed(coupling={"mode": "direct"}), limits=limits)
         for session in SESSIONS:
             for active, gained in ((False, watched), (True, kept)):
-                controller, _ = run(simulation, touching, session, limits, SECONDS, active)
+                controller, _ = run(simulation, touching, session, limits, seconds, active)
                 gained[device, session] = controller.gained
                 if active:
                     assert controller.put_in.sum() > 0.0

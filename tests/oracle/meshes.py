@@ -97,12 +97,8 @@ class MeshSurface:
 
         Bases are bilinear, so that the corners bound them.
         """
-        return np.stack(
-            [
-                [_mixed(_shares(p, q), self.seen, face) for q in (ends[:, 0, 1], ends[:, 1, 1])]
-                for p in (ends[:, 0, 0], ends[:, 1, 0])
-            ]
-        )
+        p, q = ends[..., 0].T[:, None], ends[..., 1].T[None]
+        return _mixed(_shares(p, q), self.seen, face)
 
     def counts(self, face: Faces, ends: Array, spacing: float) -> NDArray[np.intp]:
         """Return how many samples along p and q bring neighbours within `spacing`, (k, 2).

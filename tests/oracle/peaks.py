@@ -30,7 +30,11 @@ class Candidate(NamedTuple):
 
 
 def peaks(a: Envelope, b: Envelope, grid: Grid, most: int, limits: Limits) -> list[Candidate]:
-    """Return the deepest places, on lines and on rims, best first, one per block of lines."""
+    """Return the deepest places, on lines and on rims, best first, one per block of lines.
+
+    What a line between two lines may add, for slopes of A and B of up to 1 each, is 2 spacings:
+    places that are less deep by more are none.
+    """
     found = [_on_lines(a, b, grid, limits), _on_border(a, b, grid, limits)]
     found += [_on_rim(a, b, grid, of_a, limits) for of_a in (True, False)]
     depth, places, owner, parameters = (np.concatenate(part) for part in zip(*found, strict=True))
@@ -41,6 +45,8 @@ def peaks(a: Envelope, b: Envelope, grid: Grid, most: int, limits: Limits) -> li
         block = tuple(lines[k] // _BLOCK)
         if block in taken:
             continue
+        if deepest and depth[k] < deepest[0].depth - 2.0 * grid.spacing:
+            break
         taken.add(block)
         windows = (
             windows_near(a, grid, places[k], owner[k, 0], parameters[k, 0]),

@@ -75,7 +75,9 @@ def test_only_what_repeats_has_periods(both):
         assert (0, 1) in map(tuple, model.harmonics.tolist())
 
 
-@pytest.mark.parametrize("name", FOUR)
+@pytest.mark.parametrize("name", [
+    "waves", "P40", *(pytest.param(name, marks=pytest.mark.slow) for name in ("dots", "P120"))
+])  # fmt: skip
 def test_from_30_to_300_mm_s_the_share_and_the_rms_are_kept(name):
     """The bar in short: one seed, one force between those fitted, slides of at most 3 s."""
     training = slides(name, 1, SPEEDS, FORCES, 0.045, (1.0, 1.5), apart=False)

@@ -11,14 +11,6 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 
-def pytest_collection_modifyitems(items):
-    """Have one process do all tests that use the page: two servo loops are more than two cores."""
-    here = Path(__file__).parent
-    for item in items:
-        if item.path.parent == here and "page" in getattr(item, "fixturenames", ()):
-            item.add_marker(pytest.mark.xdist_group("page"))
-
-
 def wait_until(what, seconds=180.0, message=lambda: ""):
     """Wait until a condition holds; fail after some time [s], with the client's message."""
     end = time.monotonic() + seconds

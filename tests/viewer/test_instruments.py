@@ -17,8 +17,6 @@ from asperity.viewer.app import instrument_panels
 from asperity.viewer.browser import browser_tab
 from asperity.viewer.server.server import Page
 
-# With the tests that have a loop: two browsers and a loop are more than two cores.
-pytestmark = pytest.mark.xdist_group("page")
 SLOW = 180_000
 """Software graphics on a busy machine [ms]."""
 

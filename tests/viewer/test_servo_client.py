@@ -2,6 +2,8 @@
 
 import os
 import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 from asperity.errors import AsperityError
 from asperity.realtime.devices.catalogue import entry_of, is_installed
 from asperity.realtime.servo.ipc import TICK
+from asperity.realtime.servo.parameters import LiveParameters
 from asperity.viewer.changes import with_method, with_scene, with_texture
 from asperity.viewer.motions import CannedMotion
 from asperity.viewer.panels.panel import Frame, ViewModel
@@ -54,6 +57,22 @@ def test_parameters_reach_the_loop_and_bad_ones_do_not(servo):
     with pytest.raises(AsperityError, match="stiffness must lie between"):
         servo.change(stiffness=-1.0)
     assert servo.parameters.stiffness == 150.0
+
+
+def test_of_two_changes_at_the_same_time_neither_is_lost(servo, monkeypatch):
+    """As of two controls, whose callbacks run in threads of their own."""
+    computed = LiveParameters.changed
+
+    def slowly(*arguments):
+        time.sleep(0.05)  # long enough for the other to begin from the same values
+        return computed(*arguments)
+
+    monkeypatch.setattr(LiveParameters, "changed", slowly)
+    with ThreadPoolExecutor() as threads:
+        for made in ({"friction": 0.3}, {"rate": 500.0}):
+            threads.submit(servo.change, **made)
+    assert (servo.parameters.friction, servo.parameters.rate) == (0.3, 500.0)
+    servo.change(rate=1000.0)
 
 
 def test_a_motion_goes_on_in_the_loop_and_presses(servo, until):

@@ -1,21 +1,27 @@
-"""The geoms and textures of a scene's bodies in flat arrays, for compiled kernels."""
+"""The geoms, textures and frictions of a scene's bodies in flat arrays, for compiled kernels."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import small_kernel
-from asperity.geometry.bodies import KINDS, MAPPINGS, Body, Geom, Surface
+from asperity.geometry.bodies import KINDS, MAPPINGS, Body, Geom, Surface, map_origin
+from asperity.geometry.mesh.texture_coordinates import length_round
 from asperity.geometry.poses import rotation_of
+from asperity.texture.friction_map import FrictionMap
 from asperity.texture.packed import PackedTextures, pack
 
 if TYPE_CHECKING:
     from asperity.texture.height_field import HeightField
+
+FRICTION_MAP = np.dtype([("map", "i8"), ("scale", "f8", 2), ("shift", "f8", 2)], align=True)
+"""Number of a surface's map of friction among the textures, -1 for none; and the place on it,
+`scale` times the place on the map that the surface is laid by, plus `shift` [m]."""
 
 
 class Geometry(NamedTuple):
@@ -38,13 +44,19 @@ class Geometry(NamedTuple):
     mapping: NDArray[np.int64]
     """Index of each surface's texture mapping in `geometry.bodies.MAPPINGS`, (surfaces,)."""
     origin: NDArray[np.float64]
-    """Where (u, v) = (0, 0) of the texture lies in the body's frame [m], (surfaces, 3)."""
+    """Where (u, v) = (0, 0) of the texture lies in the body's frame [m], (surfaces, 3); without a
+    texture, of the map of friction."""
     friction: NDArray[np.float64]
-    """Coulomb's coefficient of each surface [-], nan for that of the force law; (surfaces,)."""
+    """Coulomb's coefficient of each surface [-], nan for a map or that of the force law;
+    (surfaces,)."""
+    friction_map: NDArray[np.void]
+    """`FRICTION_MAP` records, (surfaces,)."""
     stiffness: NDArray[np.float64]
     """Of contact with each surface [N/m], nan for that of the force law; (surfaces,)."""
     around: NDArray[np.float64]
     """Factor by which a cylindrical map is stretched to fit a whole number of times, (geoms,)."""
+    friction_around: NDArray[np.float64]
+    """That factor for the map of friction over `around`, (geoms,)."""
     no_texture: NDArray[np.int64]
     """-1 for each surface, to be used in place of `texture` for smooth bodies; (surfaces,)."""
     covered: NDArray[np.int64]
@@ -53,12 +65,15 @@ class Geometry(NamedTuple):
 
 def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
     """Return the textures and geoms of `bodies` as arrays; a map of zeros counts as no texture."""
-    surfaces, numbers = _surfaces_of(bodies)
+    surfaces, owners, numbers = _surfaces_of(bodies)
     rough = [s.texture for s in surfaces if s.texture is not None and _is_rough(s.texture)]
     fields = list({id(field): field for field in rough}.values())
     places = {id(field): number for number, field in enumerate(fields)}
     texture = [places.get(id(surface.texture), -1) for surface in surfaces]
+    frictions = list({id(found): found for body in bodies for found in body.friction_maps}.values())
     geoms = [(geom, number) for number, body in enumerate(bodies) for geom in body.geoms]
+    laid = [(surfaces[n], geom) for n, (geom, _) in zip(numbers, geoms, strict=True)]
+    around = np.array([_around(surface, surface.laid_map, geom) for surface, geom in laid])
     geometry = Geometry(
         np.array([KINDS.index(geom.kind) for geom, _ in geoms], dtype=np.int64),
         np.array([geom.size for geom, _ in geoms], dtype=np.float64),
@@ -69,18 +84,21 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
         np.array(texture, dtype=np.int64),
         np.array([MAPPINGS.index(surface.mapping) for surface in surfaces], dtype=np.int64),
         np.array([_origin(surface) for surface in surfaces], dtype=np.float64),
-        _values([surface.friction for surface in surfaces]),
+        _values([None if isinstance(s.friction, FrictionMap) else s.friction for s in surfaces]),
+        _friction_maps(surfaces, owners, {id(f): len(fields) + k for k, f in enumerate(frictions)}),
         _values([surface.stiffness for surface in surfaces]),
-        np.array([_around(surfaces[n], g) for (g, _), n in zip(geoms, numbers, strict=True)]),
+        around,
+        np.array([_around(s, s.friction_map, g) for s, g in laid]) / around,
         np.full(len(surfaces), -1, dtype=np.int64),
         np.zeros(len(geoms), dtype=np.int64),
     )
-    return pack(fields), geometry
+    return pack(fields, frictions), geometry
 
 
-def _surfaces_of(bodies: Sequence[Body]) -> tuple[list[Surface], list[int]]:
-    """Return the surfaces of bodies, and the number of that of each geom."""
+def _surfaces_of(bodies: Sequence[Body]) -> tuple[list[Surface], list[Body], list[int]]:
+    """Return the surfaces of bodies, the body of each, and the number of that of each geom."""
     surfaces: list[Surface] = []
+    owners: list[Body] = []
     numbers: list[int] = []
     for body in bodies:
         own = body.surface
@@ -90,8 +108,9 @@ def _surfaces_of(bodies: Sequence[Body]) -> tuple[list[Surface], list[int]]:
             if key not in known:
                 known[key] = len(surfaces)
                 surfaces.append(geom.surface or own)
+                owners.append(body)
             numbers.append(known[key])
-    return surfaces, numbers
+    return surfaces, owners, numbers
 
 
 def _is_rough(texture: HeightField) -> bool:
@@ -100,23 +119,44 @@ def _is_rough(texture: HeightField) -> bool:
 
 
 def _origin(surface: Surface) -> list[float]:
-    """Return where (u, v) = (0, 0) of a texture lies in the body's frame (3,) [m]."""
-    origin, texture = np.array(surface.offset), surface.texture
-    if texture is not None and texture.border == "clamp":
-        origin -= 0.5 * np.asarray(texture.size)
-    return [*origin.tolist(), 0.0]
+    """Return where (u, v) = (0, 0) of a surface's map lies in the body's frame (3,) [m]."""
+    return [*map_origin(surface.laid_map, surface.offset).tolist(), 0.0]
+
+
+def _friction_maps(
+    surfaces: Sequence[Surface], owners: Sequence[Body], numbers: Mapping[int, int]
+) -> NDArray[np.void]:
+    """Return the `FRICTION_MAP` records of surfaces; `numbers` are those of the maps by their id.
+
+    On curved sides of simple geoms the map is stretched further: `Geometry.friction_around`.
+    """
+    out = np.zeros(len(surfaces), FRICTION_MAP)
+    out["map"], out["scale"] = -1, 1.0
+    for row, surface, body in zip(out, surfaces, owners, strict=True):
+        laid, found = surface.laid_map, surface.friction_map
+        if laid is None or found is None:
+            continue
+        row["map"] = numbers[id(found)]
+        if surface.mapping == "uv":
+            # Texture coordinates stretch every map over the same square.
+            row["scale"] = np.asarray(found.size) / laid.size
+            continue
+        if body.mesh is not None and surface.mapping == "cylindrical":
+            row["scale"][0] = length_round(body.mesh, found) / length_round(body.mesh, laid)
+        start = map_origin(laid, surface.offset), map_origin(found, surface.offset)
+        row["shift"] = row["scale"] * start[0] - start[1]
+    return out
 
 
 def _values(values: Sequence[float | None]) -> NDArray[np.float64]:
     return np.array([math.nan if value is None else value for value in values], dtype=np.float64)
 
 
-def _around(surface: Surface, geom: Geom) -> float:
+def _around(surface: Surface, laid: HeightField | FrictionMap | None, geom: Geom) -> float:
     """Return the factor that stretches a cylindrical map so that it has no seam on a geom."""
-    texture = surface.texture
-    if surface.mapping != "cylindrical" or texture is None or texture.border != "wrap":
+    if surface.mapping != "cylindrical" or laid is None or laid.border != "wrap":
         return 1.0
-    times = 2.0 * math.pi * geom.size[0] / texture.size[0]
+    times = 2.0 * math.pi * geom.size[0] / laid.size[0]
     return max(round(times), 1) / times
 
 

@@ -27,6 +27,7 @@ from asperity.contact.manifold.separation import (
     cosine,
     is_same_way,
 )
+from asperity.contact.narrow_phase.friction import contact_friction
 from asperity.contact.narrow_phase.geom_depth import (
     BodyGeoms,
     DepthQuery,
@@ -94,6 +95,7 @@ def _search(model, parameters, grid, i, stretch, centre, memory, workspace):
     if grid is not None:
         depth_on_grid(model, grid, query, workspace, result)
     found.depth = result.depth
+    result.friction = contact_friction(result, parameters.friction, found.friction)
 
 
 @inner_kernel
@@ -159,6 +161,7 @@ def _merge_bodies(memory, kept, i):
                 other.point[k] += share * (result.point[k] - other.point[k])
                 other.slope_normal[k] += share * (result.slope_normal[k] - other.slope_normal[k])
                 other.moment[k] += share * (result.moment[k] - other.moment[k])
+            other.friction += share * (result.friction - other.friction)
             other.ties += result.ties
         elif ahead > 0.0:
             part = rows[j].part
@@ -239,7 +242,7 @@ def _add_contact(model, parameters, point_law, i, motion, memory, workspace, out
     else:
         _add_point_force(model, point_law, i, push, motion, memory, workspace, out)
     sticking = parameters.bristle_stiffness * min(weight, found.scale * found.scale)
-    bristle = Bristle(patch.bristle, sticking, found.friction)
+    bristle = Bristle(patch.bristle, sticking, result.friction)
     add_friction(out, c, result.point, body_frame, bristle, motion)
     offset = stack_array((3,))
     for k in range(3):
@@ -309,8 +312,8 @@ def _tick(model, parameters, grid, point_law, query, memory, workspace, out):
         shape = Geometry(
             geometry.kind, geometry.size, geometry.position, geometry.rotation, geometry.body,
             geometry.surface, geometry.no_texture, geometry.mapping, geometry.origin,
-            geometry.friction, geometry.stiffness, geometry.around, geometry.no_texture,
-            geometry.covered,
+            geometry.friction, geometry.friction_map, geometry.stiffness, geometry.around,
+            geometry.friction_around, geometry.no_texture, geometry.covered,
         )  # fmt: skip
         smooth = SceneModel(
             model.textures, shape, model.tool, model.centre, model.frames, model.geom_number

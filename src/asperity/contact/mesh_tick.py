@@ -15,6 +15,7 @@ from asperity.contact.manifold.mesh_manifold import (
     remember,
     texture_reach,
 )
+from asperity.contact.narrow_phase.friction import contact_friction
 from asperity.contact.response.contact_forces import (
     Bristle,
     ToolFrames,
@@ -125,7 +126,8 @@ def _add_contact(scene, parameters, query, p, motion, memory, space, out):
     for k in range(3):
         deflection[k] = memory.bristle[b, d, part, k]
     stiffness = parameters.bristle_stiffness * weight
-    bristle = Bristle(deflection, stiffness, space.friction[b])
+    friction = contact_friction(result, parameters.friction, space.friction[b])
+    bristle = Bristle(deflection, stiffness, friction)
     add_friction(out, c, result.point, scene.frames[b], bristle, motion)
     if query.dt > 0.0:
         for k in range(3):

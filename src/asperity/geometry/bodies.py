@@ -17,6 +17,7 @@ import numpy as np
 from asperity._core.arrays import Array, Mask
 from asperity.errors import AsperityError, require_between, require_choice, require_finite
 from asperity.geometry.poses import rotation_of
+from asperity.texture.friction_map import MOST_FRICTION, FrictionMap
 
 if TYPE_CHECKING:
     from asperity.geometry.mesh.mesh import Mesh
@@ -37,12 +38,13 @@ class Surface:
     texture : HeightField, optional
         None: smooth.
     mapping : {"planar", "cylindrical", "triplanar", "uv"}
-        Mapping of the texture to the body; see `Body`.
+        Mapping of texture and friction to the body; see `Body`.
     offset : (2,)
-        Position of the map on the body [m]; see `Body`.
-    friction : float, optional
-        Coulomb's coefficient [-], 0 to 100. Where two surfaces touch, the larger one counts, as in
-        MuJoCo; where neither has one, that of `ForceSettings`.
+        Position of the maps on the body [m]; see `Body`.
+    friction : float or FrictionMap, optional
+        Coulomb's coefficient [-], 0 to 100, or a map of it, read at the deepest point of a contact.
+        Where two surfaces touch, the larger one counts, as in MuJoCo; where neither has one, that
+        of `ForceSettings`. A cylindrical map covers the sides alone: the ends have none.
     stiffness : float, optional
         Stiffness of contact with this surface [N/m], 1e-6 to 1e9. Two surfaces that both have one
         are springs in series; where neither has one, that of `ForceSettings` counts.
@@ -51,16 +53,26 @@ class Surface:
     texture: HeightField | None = None
     mapping: str = "planar"
     offset: Sequence[float] = (0.0, 0.0)
-    friction: float | None = None
+    friction: float | FrictionMap | None = None
     stiffness: float | None = None
 
     def __post_init__(self) -> None:
         require_choice("mapping", self.mapping, MAPPINGS)
         object.__setattr__(self, "offset", require_finite("offset", self.offset, 2))
-        if self.friction is not None:
-            require_between("friction", self.friction, 0.0, 100.0)
+        if self.friction is not None and not isinstance(self.friction, FrictionMap):
+            require_between("friction", self.friction, 0.0, MOST_FRICTION)
         if self.stiffness is not None:
             require_between("stiffness", self.stiffness, 1e-6, 1e9, "N/m")
+
+    @property
+    def friction_map(self) -> FrictionMap | None:
+        """The friction, if it is a map."""
+        return self.friction if isinstance(self.friction, FrictionMap) else None
+
+    @property
+    def laid_map(self) -> HeightField | FrictionMap | None:
+        """The map by which places on the surface are measured: the texture, else the friction."""
+        return self.friction_map if self.texture is None else self.texture
 
 
 @dataclass(frozen=True)
@@ -124,16 +136,17 @@ class Body:
     texture : HeightField, optional
         None: smooth.
     mapping : {"planar", "cylindrical", "triplanar", "uv"}
-        Mapping of the texture to the body. *planar*: (u, v) are x and y in the body's frame, on
-        every face. *triplanar*: three planar maps, (y, z), (z, x) and (x, y), blended by the fourth
-        powers of the normal's components. *cylindrical*: on the sides of cylinders and capsules,
-        u around the axis and v along it; their ends are smooth. On a mesh: u around its z axis.
-        *uv*: the mesh's texture coordinates, where 1 is the texture's whole extent.
+        Mapping of texture and friction to the body. *planar*: (u, v) are x and y in the body's
+        frame, on every face. *triplanar*: three planar maps, (y, z), (z, x) and (x, y), blended by
+        the fourth powers of the normal's components. *cylindrical*: on the sides of cylinders and
+        capsules, u around the axis and v along it; their ends are smooth. On a mesh: u around its z
+        axis. *uv*: the mesh's texture coordinates, where 1 is a map's whole extent.
     offset : (2,)
-        Position of the map on the body [m]: of its corner if it wraps, of its middle if clamped.
+        Position of the maps on the body [m]: of a corner if it wraps, of its middle if clamped.
     mesh : Mesh, optional
         Surface of a body of convex pieces; all its geoms are then of kind "mesh".
-    friction, stiffness : float, optional
+    friction : float or FrictionMap, optional
+    stiffness : float, optional
         See `Surface`.
     """
 
@@ -143,7 +156,7 @@ class Body:
     mapping: str = "planar"
     offset: Sequence[float] = field(default=(0.0, 0.0))
     mesh: Mesh | None = None
-    friction: float | None = None
+    friction: float | FrictionMap | None = None
     stiffness: float | None = None
 
     def __post_init__(self) -> None:
@@ -172,7 +185,18 @@ class Body:
         """Largest friction of a geom, or of a material of the mesh [-]; 0 if none has any."""
         own = [surface.friction for surface in self.surfaces]
         own += [] if self.mesh is None else [material.friction for material in self.mesh.materials]
-        return max(friction or 0.0 for friction in own)
+        return max(f.highest if isinstance(f, FrictionMap) else f or 0.0 for f in own)
+
+    @property
+    def friction_map(self) -> FrictionMap | None:
+        """The body's own friction, if it is a map."""
+        return self.surface.friction_map
+
+    @property
+    def friction_maps(self) -> tuple[FrictionMap, ...]:
+        """The maps of friction of all surfaces."""
+        maps = (surface.friction_map for surface in self.surfaces)
+        return tuple({id(found): found for found in maps if found is not None}.values())
 
     @property
     def fields(self) -> tuple[HeightField, ...]:
@@ -259,7 +283,12 @@ def covers(geom: Geom, points: Array) -> Mask:
 
 def origin_of_map(body: Body) -> Array:
     """Return the position of (u, v) = (0, 0) of the texture on the body (2,) [m]."""
-    origin, field = np.array(body.offset, dtype=np.float64), body.texture
-    if field is not None and field.border == "clamp":
-        origin -= 0.5 * np.asarray(field.size)
+    return map_origin(body.texture, body.offset)
+
+
+def map_origin(laid: HeightField | FrictionMap | None, offset: Sequence[float]) -> Array:
+    """Return the position of (u, v) = (0, 0) of a map with this offset (2,) [m]."""
+    origin = np.array(offset, dtype=np.float64)
+    if laid is not None and laid.border == "clamp":
+        origin -= 0.5 * np.asarray(laid.size)
     return origin

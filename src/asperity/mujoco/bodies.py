@@ -25,6 +25,7 @@ from asperity.mujoco.names import geom_name, resolve, touchable
 from asperity.mujoco.terrain import terrain_surface
 from asperity.mujoco.textures import surface_of
 from asperity.scene.mjcf import GEOMS, model_mesh
+from asperity.texture.friction_map import FrictionMap
 
 _HFIELD, _MESH = int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_MESH)
 _USUAL = {"plane": "planar", "box": "planar", "cylinder": "cylindrical"}
@@ -80,6 +81,11 @@ def carried_bodies(model: mujoco.MjModel, textures: Mapping[str, Any]) -> Carrie
     surfaces = {geom: _surface(model, geom, value, made) for geom, (_, value) in by_geom.items()}
     friction = np.full(max(model.ngeom, 1), np.nan)
     for geom, surface in surfaces.items():
+        if isinstance(surface.friction, FrictionMap):
+            raise AsperityError(
+                f"{geom_name(model, geom)}: friction is MuJoCo's here, a number; a map is for "
+                "contact without it"
+            )
         if surface.friction is not None:
             friction[geom] = surface.friction
     # Friction is MuJoCo's: asperity's contacts have none of their own.

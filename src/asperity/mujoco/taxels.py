@@ -1,8 +1,7 @@
 """Force on each taxel of a tactile skin, whose sum and moment are those of the contacts exactly.
 
-Every contact of the skin's geoms, textured or not, is spread over the taxels round it: first by a
-bell-shaped weight, then with the least change of the forces that makes their sum the contact's
-force, and their moment its moment.
+Every contact of the skin's geoms, textured or not, is spread over the taxels round it, as
+`contact.taxel_forces` does.
 """
 
 from __future__ import annotations
@@ -11,13 +10,9 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from asperity.errors import AsperityError, require_positive
+from asperity.contact.taxel_forces import TaxelForces
+from asperity.errors import AsperityError
 from asperity.mujoco.names import geom_name, resolve
-
-_REACH = 4.0
-"""How many spreads from a contact taxels feel it."""
-_FEWEST = 6
-"""Taxels over which a contact is spread at least."""
 
 
 class Taxels:
@@ -58,19 +53,8 @@ class Taxels:
         self.body = int(model.geom_bodyid[self._geoms[0]])
         if isinstance(places, tuple) and len(places) == 2:
             places = surface_grid(model, int(self._geoms[0]), *places)
-        self.places = np.array(places, dtype=np.float64)
-        if self.places.ndim != 2 or self.places.shape[1] != 3 or len(self.places) < 3:
-            raise AsperityError(
-                f"places of taxels must be 3 or more rows of 3 numbers, got {self.places.shape}"
-            )
-        middle = self.places - self.places.mean(axis=0)
-        if not np.isfinite(middle).all() or np.linalg.matrix_rank(middle, 1e-9) < 2:
-            raise AsperityError("places of taxels must be finite and not all on one line")
-        if spread is None:
-            apart = np.linalg.norm(self.places[:, None] - self.places, axis=2)
-            np.fill_diagonal(apart, np.inf)
-            spread = float(apart.min(axis=1).mean())
-        self._spread = require_positive("spread", spread, "[m]")
+        self._taxels = TaxelForces(places, spread)
+        self.places = self._taxels.places
 
     def forces(self, data: mujoco.MjData) -> NDArray[np.float64]:
         """Return the force on each taxel (n, 3) [N], in the body's frame, as of the last step."""
@@ -84,45 +68,13 @@ class Taxels:
             axes = data.contact.frame[i].reshape(3, 3)
             sign = 1.0 if on_second else -1.0
             force, moment = sign * turn.T @ axes.T @ found[:3], sign * turn.T @ axes.T @ found[3:]
-            self._add(turn.T @ (data.contact.pos[i] - at), force, moment, out)
+            self._taxels.add(turn.T @ (data.contact.pos[i] - at), force, moment, out)
         return out
 
     def wrench(self, data: mujoco.MjData) -> NDArray[np.float64]:
         """Return force and moment of all taxels about the body's origin, (6,), body's frame."""
         forces = self.forces(data)
         return np.concatenate([forces.sum(axis=0), np.cross(self.places, forces).sum(axis=0)])
-
-    def _add(
-        self, point: NDArray[np.float64], force: NDArray[np.float64],
-        moment: NDArray[np.float64], out: NDArray[np.float64],
-    ) -> None:  # fmt: skip
-        """Spread a force and a moment at a point over the taxels near it."""
-        arms = self.places - point
-        far = np.linalg.norm(arms, axis=1)
-        near = np.flatnonzero(far <= max(_REACH * self._spread, np.sort(far)[:_FEWEST][-1]))
-        if np.linalg.matrix_rank(arms[near] - arms[near].mean(axis=0), 1e-9) < 2:
-            near = np.arange(len(far))
-        arms, far = arms[near], far[near]
-        weight = np.exp(-0.5 * ((far - far.min()) / self._spread) ** 2)
-        weight /= weight.sum()
-        forces = weight[:, None] * force
-        # The change `weight (a + b x arm)` has no force and lacks the moment, for one (a, b).
-        scale = self._spread
-        across = _cross_matrices(arms / scale)
-        rows = np.concatenate([np.broadcast_to(np.eye(3), across.shape), across], axis=1)
-        system = np.einsum("n,nij,nkj->ik", weight, rows, rows)
-        lacks = np.concatenate([np.zeros(3), (moment - np.cross(arms, forces).sum(axis=0)) / scale])
-        forces += weight[:, None] * np.einsum("nij,i->nj", rows, np.linalg.solve(system, lacks))
-        out[near] += forces
-
-
-def _cross_matrices(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return for each vector the matrix that multiplies by it from the left, (n, 3, 3)."""
-    out = np.zeros((len(vectors), 3, 3))
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        out[:, i, j], out[:, i, k] = -vectors[:, k], vectors[:, j]
-    return out
 
 
 def surface_grid(model: mujoco.MjModel, geom: int, rows: int, columns: int) -> NDArray[np.float64]:

@@ -22,7 +22,7 @@ PARTS = ("mesh", "texture")
 SURFACE = ("texture", "friction", "stiffness")
 """Keys of a geom, and of a body, that say what its surface feels like."""
 PLACING = ("mapping", "offset")
-"""Keys of a texture that place it on its body."""
+"""Keys of a map that place it on its body."""
 
 Table = Mapping[str, Any]
 
@@ -142,6 +142,15 @@ def parse_options(
     return arguments({k: v for k, v in table.items() if k in names}, key, makes)
 
 
+def placing_of(table: Table, key: str) -> dict[str, Any]:
+    """Return the arguments of `Surface` in a map's table that place it on its body."""
+    return arguments({k: v for k, v in table.items() if k in PLACING}, key, _placing)
+
+
+def _placing(mapping: str = "planar", offset: tuple[float, float] = (0.0, 0.0)) -> None:
+    """Define the keys that place a map, and their types."""
+
+
 def make_by_kind(
     what: str, makers: Mapping[str, Callable[..., Any]], table: Table, key: str,
     placing: Iterable[str],
@@ -170,19 +179,21 @@ def merged(old: Table, new: Table) -> dict[str, Any]:
         if value is None:
             out.pop(key, None)
         elif isinstance(value, Mapping):
-            out[key] = merged(out.get(key, {}), value)
+            old_value = out.get(key)
+            out[key] = merged(old_value if isinstance(old_value, Mapping) else {}, value)
         else:
             out[key] = value
     return out
 
 
 def tables_with_files(document: Table) -> list[Any]:
-    """Return the tables of a document that name a file: meshes, textures, trajectory."""
+    """Return the tables of a document that name a file: meshes, maps, trajectory."""
     bodies = document.get("bodies", {}).values()
     owners = [owner for body in bodies for owner in (body, *body.get("geoms", {}).values())]
-    tables = [owner[part] for owner in owners for part in PARTS if part in owner]
+    tables = [owner.get(part) for owner in owners for part in (*PARTS, "friction")]
     tables += [table for body in bodies for table in body.get("materials", {}).values()]
-    return [t for t in [*tables, document.get("trajectory", {})] if "file" in t]
+    tables.append(document.get("trajectory"))
+    return [table for table in tables if isinstance(table, Mapping) and "file" in table]
 
 
 def _typed(value: Any, key: str, annotation: str) -> Any:

@@ -193,6 +193,11 @@ def touchable_geoms(model: mujoco.MjModel) -> dict[str, list[tuple[int, Geom]]]:
     return owned
 
 
+def geom_names(model: mujoco.MjModel, geoms: list[tuple[int, Geom]]) -> list[str]:
+    """Return the names by which a document calls the geoms of a body: without one, its number."""
+    return [model.geom(number).name or str(i) for i, (number, _) in enumerate(geoms)]
+
+
 def tool_start(model: mujoco.MjModel, tool: str) -> Array:
     """Return the tool's pose in the file; refuse a tool that is not free, or others that are."""
     for i in range(model.njnt):

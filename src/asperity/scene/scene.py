@@ -64,8 +64,9 @@ from asperity.scene.document import (
     write_toml,
 )
 from asperity.scene.friction import settings_with, with_frictions
+from asperity.scene.friction_map import on_terrain, without_textures
 from asperity.scene.mesh import copy_with_companions, geoms_mesh
-from asperity.scene.mjcf import read_mjcf, tool_start, touchable_geoms
+from asperity.scene.mjcf import geom_names, read_mjcf, tool_start, touchable_geoms
 from asperity.scene.regions import material_surface
 from asperity.scene.skin import scene_skin
 from asperity.scene.texture import body_surface
@@ -187,14 +188,7 @@ class Scene:
 
     def smooth(self) -> Scene:
         """Return the scene without textures."""
-        document = merged(self.document, {})
-        tables = document.setdefault("bodies", {})
-        for body in self.bodies:
-            table = tables.setdefault(body.name, {})
-            table["texture"] = {}  # none, also where the MJCF brings one
-            table.pop("materials", None)
-            for geom in table.get("geoms", {}).values():
-                geom.pop("texture", None)
+        document = without_textures(self.document, self.bodies, self.model)
         return scene_of(self.xml, document, name=self.name, folder=self.folder)
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
@@ -300,8 +294,9 @@ def scene_of(
         values = [frictions[number] for number, _ in geoms if number in frictions]
         bodies.append(with_frictions(made, values, prepared.notes) if values else made)
         if body in prepared.textures and "texture" not in table:
-            texture, middle = prepared.textures[body]
-            bodies[-1] = replace(bodies[-1], texture=texture, offset=tuple(middle))
+            field, middle = prepared.textures[body]
+            key = f"bodies.{body}.friction"
+            bodies[-1] = on_terrain(bodies[-1], field, middle, table.get("friction"), key)
     coupling = _coupling(document.get("coupling", {}))
     return Scene(
         name=name,
@@ -339,7 +334,7 @@ def _body(
     own = body_surface(table, key, folder)
     if table.get("materials"):
         mesh, own = material_surface(mesh, table["materials"], f"{key}.materials", folder, own)
-    names = [model.geom(number).name or str(i) for i, (number, _) in enumerate(geoms)]
+    names = geom_names(model, geoms)
     for geom, surface in table.get("geoms", {}).items():
         if mesh is not None or geom not in names:
             have = "none, since it is a mesh" if mesh is not None else ", ".join(names)
@@ -347,7 +342,8 @@ def _body(
         row = names.index(geom)
         found = body_surface(surface, f"{key}.geoms.{geom}", folder)
         solids = [*solids[:row], replace(solids[row], surface=found), *solids[row + 1 :]]
-    return at(f"{key}.texture", lambda: Body(name, solids, mesh=mesh, **vars(own)))
+    where = key if own.texture is None else f"{key}.texture"
+    return at(where, lambda: Body(name, solids, mesh=mesh, **vars(own)))
 
 
 def _notes(body: Body) -> tuple[str, ...]:
@@ -363,6 +359,8 @@ def _notes(body: Body) -> tuple[str, ...]:
         )
     for field in body.fields:
         notes += field.notes
+    for friction in body.friction_maps:
+        notes += tuple(friction.notes)
     return notes
 
 

@@ -7,6 +7,7 @@ parameters of the pattern's function, or of `HeightField.from_file`.
 from __future__ import annotations
 
 import inspect
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -23,7 +24,9 @@ from asperity.scene.document import (
     find_file,
     make_by_kind,
     parse_options,
+    placing_of,
 )
+from asperity.scene.friction_map import with_friction_map
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.patterns import PATTERNS
 
@@ -38,7 +41,7 @@ def body_texture(
     """Return a body's texture, and the arguments of `Body` that place it."""
     if not table:
         return None, {}
-    placing = arguments({k: v for k, v in table.items() if k in PLACING}, key, _placing)
+    placing = placing_of(table, key)
     if "file" in table:
         given = parse_options(table, key, HeightField.from_file, "file", PLACING)
         path = find_file(table, key, folder)
@@ -52,6 +55,9 @@ def body_surface(table: Table, key: str, folder: Path | None) -> Surface:
     """Return the surface that the table of a body or of a geom describes."""
     texture, placing = body_texture(table.get("texture", {}), f"{key}.texture", folder)
     placed = at(f"{key}.texture", lambda: Surface(texture, **placing))
+    if isinstance(table.get("friction"), Mapping):
+        placed = with_friction_map(placed, table["friction"], f"{key}.friction", folder)
+        table = {k: v for k, v in table.items() if k != "friction"}
     return with_touch(placed, table, key)
 
 
@@ -63,10 +69,6 @@ def with_touch(surface: T, table: Table, key: str) -> T:
 
 def _touch(friction: float = 0.0, stiffness: float = 1.0) -> None:
     """Define the keys of a surface beside its texture, and their types."""
-
-
-def _placing(mapping: str = "planar", offset: tuple[float, float] = (0.0, 0.0)) -> None:
-    """Define the keys that place a texture, and their types."""
 
 
 def with_seed(bodies: Table, seed: int) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""All textures of a scene in a few flat arrays for compiled kernels.
+"""All textures and maps of friction of a scene in a few flat arrays for compiled kernels.
 
 Kernels evaluate a texture's height and its derivatives up to the second at a point, and bounds over
 a rectangle: no point of the texture in it is higher, no slope larger in size, no second derivative
@@ -9,7 +9,8 @@ level whose blocks are as large as the rectangle; highest points from overlappin
 
 Positions are counted in cells: cell `i` lies between the samples `i - 1` and `i` and depends on the
 coefficients `i .. i + 3`. A wrapped texture of n samples has n cells that repeat; a clamped one has
-n + 1 and continues level beyond its borders.
+n + 1 and continues level beyond its borders. Maps of friction have samples in the place of
+coefficients, and no bounds.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from asperity._core.arrays import Array
 from asperity._core.kernels import small_kernel
 from asperity.texture.bounds import halved
 from asperity.texture.cell_peaks import sharpen_peaks
+from asperity.texture.friction_map import FrictionMap
 from asperity.texture.height_field import HeightField
 from asperity.texture.highest import WINDOW_LEVEL, cells_between, texture_top, windows
 from asperity.texture.spline import curvature_weights, slope_weights, weights
@@ -90,10 +92,10 @@ class PackedTextures(NamedTuple):
     """`WINDOW_LEVEL` of every size of window of every texture, smallest first."""
 
 
-def pack(fields: Sequence[HeightField]) -> PackedTextures:
-    """Return the textures `fields` as flat arrays. An empty sequence gives empty arrays."""
+def pack(fields: Sequence[HeightField], frictions: Sequence[FrictionMap] = ()) -> PackedTextures:
+    """Return textures, and behind them maps of friction, as flat arrays, which may be empty."""
     levels: list[tuple[int, int, int]] = []
-    maps = np.zeros(len(fields), TEXTURE_MAP)
+    maps = np.zeros(len(fields) + len(frictions), TEXTURE_MAP)
     coefficients = [np.zeros(0)]
     bounds, tops = [np.zeros(0, BLOCK_BOUNDS)], [np.zeros(0, np.float32)]
     window_levels = [np.zeros(0, WINDOW_LEVEL)]
@@ -130,6 +132,12 @@ def pack(fields: Sequence[HeightField]) -> PackedTextures:
         bounds.append(pyramid)
         tops.append(highest)
         window_levels.append(sizes)
+    for own, friction in zip(maps[len(fields) :], frictions, strict=True):
+        c, wraps = friction.coefficients, friction.border == "wrap"
+        own["first_coefficient"], own["coefficient_columns"] = count(coefficients), c.shape[1]
+        own["rows"], own["columns"] = (n - 4 if wraps else n - 3 for n in c.shape)
+        own["wraps"], own["cells_per_metre"] = wraps, 1.0 / np.asarray(friction.pixel_size)
+        coefficients.append(c.ravel())
     return PackedTextures(
         np.concatenate(coefficients),
         np.concatenate(bounds),
@@ -182,18 +190,22 @@ def _most(c: Array, along_u: int, along_v: int, size: bool = False, parts: int =
     also shape its neighbours.
     """
     spline: Array = np.diff(np.diff(c, along_u, axis=1), along_v, axis=0)
-    points = (
-        across
-        for along in _bezier_points(spline, 3 - along_v, parts)
-        for across in _bezier_points(along.T, 3 - along_u, parts)
-    )
-    return functools.reduce(np.maximum, (np.abs(p) if size else p for p in points)).T
+    rows, columns = c.shape[0] - 3, c.shape[1] - 3
+    most = np.empty((parts * rows, parts * columns))
+    # Piece by piece, so that what is computed fits into the cache.
+    for i, along in enumerate(_bezier_points(spline, 3 - along_v, parts)):
+        across = [_bezier_points(point.T, 3 - along_u, parts) for point in along]
+        for j, pieces in enumerate(zip(*across, strict=True)):
+            points = (np.abs(p) if size else p for piece in pieces for p in piece)
+            most[i::parts, j::parts] = functools.reduce(np.maximum, points).T
+    return most
 
 
-def _bezier_points(c: Array, degree: int, parts: int) -> list[Array]:
+def _bezier_points(c: Array, degree: int, parts: int) -> list[list[Array]]:
     """Return the Bezier points of the pieces of uniform B-splines along the first axis.
 
-    Each piece is cut into `parts`, a power of two.
+    Each piece is cut into `parts`, a power of two; the points of the first part of all pieces come
+    first.
     """
     n = len(c) - degree
     k = [c[i : i + n] for i in range(degree + 1)]
@@ -204,17 +216,21 @@ def _bezier_points(c: Array, degree: int, parts: int) -> list[Array]:
         ]  # fmt: skip
     elif degree == 2:
         k = [0.5 * (k[0] + k[1]), k[1], 0.5 * (k[1] + k[2])]
-    while parts > 1:
-        # de Casteljau: the left half begins, the right half ends the rows of means.
-        left, right = [k[0]], [k[-1]]
-        while len(k) > 1:
-            k = [0.5 * (one + two) for one, two in itertools.pairwise(k)]
-            left.append(k[0])
-            right.append(k[-1])
-        pairs = zip(left, reversed(right), strict=True)
-        k = [np.stack(pair, axis=1).reshape(-1, *c.shape[1:]) for pair in pairs]
-        parts //= 2
-    return k
+    pieces = [k]
+    while len(pieces) < parts:
+        pieces = [half for piece in pieces for half in _halves(piece)]
+    return pieces
+
+
+def _halves(k: list[Array]) -> tuple[list[Array], list[Array]]:
+    """Return the Bezier points of both halves of a piece (de Casteljau)."""
+    # The left half begins, the right half ends the rows of means.
+    left, right = [k[0]], [k[-1]]
+    while len(k) > 1:
+        k = [0.5 * (one + two) for one, two in itertools.pairwise(k)]
+        left.append(k[0])
+        right.append(k[-1])
+    return left, right[::-1]
 
 
 def _largest(c: Array, along_u: int, along_v: int) -> float:
@@ -297,6 +313,19 @@ def texture_at(textures, k, u, v):
     scale = textures.maps[k].cells_per_metre
     su, sv = scale[0] * slope_u, scale[1] * slope_v
     return h, h_u * su, h_v * sv, h_uu * su * su, h_uv * su * sv, h_vv * sv * sv
+
+
+@small_kernel
+def linear_at(textures, k, u, v):
+    """Return map `k` of friction at (u, v), linear between its samples; nan if either is nan."""
+    place, t, q, _, _ = _cell_at(textures, k, u, v)
+    if place < 0:
+        return np.nan
+    c, width = textures.coefficients, textures.maps[k].coefficient_columns
+    low = place + width + 1
+    high = low + width
+    below, above = c[low] + t * (c[low + 1] - c[low]), c[high] + t * (c[high + 1] - c[high])
+    return below + q * (above - below)
 
 
 @small_kernel

@@ -38,13 +38,14 @@ def test_levels_shrink_to_a_few_triangles_and_deviate_more_and_more(levels):
 def test_the_hausdorff_distance_is_within_the_stated_deviation(levels):
     rng = np.random.default_rng(5)
     full = levels.triangles(0)
+    to_full = Nearest(full)
     for level in range(1, levels.count):
         low = levels.triangles(level)
         away = []
-        for here, there in ((full, low), (low, full)):
+        for here, there in ((full, Nearest(low)), (low, to_full)):
             face, weights = scattered(here, 20_000, rng)
             points = np.einsum("ij,ijk->ik", weights, here[face])
-            away.append(Nearest(there).to(points)[1].max())
+            away.append(there.to(points)[1].max())
         # `Nearest` may return too much by a small share of its samples' spacing.
         slack = 0.02 * np.sqrt(np.linalg.norm(np.ptp(full.reshape(-1, 3), axis=0)) ** 2 / 2e5)
         assert max(away) <= levels.deviations[level] + slack

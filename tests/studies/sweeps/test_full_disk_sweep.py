@@ -32,7 +32,9 @@ def made(tmp_path_factory):
     return file, folder / "whole.zarr"
 
 
-@pytest.mark.parametrize("part", [0.0, 0.1, 0.9, 0.96, 0.99])
+@pytest.mark.parametrize(
+    "part", [0.0, 0.96, *(pytest.param(part, marks=pytest.mark.slow) for part in (0.1, 0.9, 0.99))]
+)
 def test_it_is_one_line_and_goes_on(made, part, tmp_path):
     file, whole = made
     # The largest file is that of the attributes, which grows with what is known of each run.

@@ -11,7 +11,7 @@ import sys
 import pytest
 from clusters import environment
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("sweep-cluster")]
+pytestmark = pytest.mark.slow
 
 _CHILD = """
 import json, resource, sys, time

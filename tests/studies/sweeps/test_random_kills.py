@@ -21,7 +21,7 @@ from asperity.studies.sweeps.run import run_sweep
 from asperity.studies.sweeps.store import open_sweep
 from asperity.studies.sweeps.study import read_study
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("sweep-cluster")]
+pytestmark = pytest.mark.slow
 
 KILLS = 50
 STUDY = {

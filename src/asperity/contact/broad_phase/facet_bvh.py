@@ -22,7 +22,7 @@ from asperity.geometry.bodies import MAPPINGS, Body, Geom
 from asperity.geometry.facets.facets import MOST_SIDES, Facets, joined, mesh_facets, taken
 from asperity.geometry.facets.tessellate import geom_triangles, is_round
 from asperity.geometry.mesh.mesh import Mesh
-from asperity.geometry.mesh.texture_coordinates import places_on_texture
+from asperity.geometry.mesh.texture_coordinates import places_on_map
 from asperity.geometry.poses import rotation_of
 from asperity.texture.highest import texture_top
 from asperity.texture.packed import PackedTextures
@@ -94,7 +94,7 @@ class FacetTable(NamedTuple):
     slack: Array
     """How far the facets of a body may lie inside its smooth surface [m], (bodies,)."""
     friction: Array
-    """Coulomb's coefficient [-], nan for that of the force law; (n,)."""
+    """Coulomb's coefficient [-], nan for a map or that of the force law; (n,)."""
     stiffness: Array
     """Of contact [N/m], nan for that of the force law; (n,)."""
     varies: NDArray[np.bool_]
@@ -195,9 +195,8 @@ def _body_facets(
     """Return a body's facets in its frame, the geom of each, whether it is round, and slack [m]."""
     if body.mesh is not None:
         mesh = body.mesh
-        facets = mesh_facets(
-            mesh.vertices, mesh.faces, mesh.normals, places_on_texture(body), _regions(mesh)
-        )
+        places = places_on_map(body, body.surface.laid_map)
+        facets = mesh_facets(mesh.vertices, mesh.faces, mesh.normals, places, _regions(mesh))
         return facets, np.full(len(facets), first_geom), np.zeros(len(facets), bool), 0.0
     parts, slack, count = [], 0.0, len(body.geoms)
     for geom in body.geoms:
@@ -226,7 +225,7 @@ def _regions(mesh: Mesh) -> NDArray[np.int64] | None:
 def _touch(
     body: Body, region: NDArray[np.int64], surface: NDArray[np.int64], geometry: Geometry
 ) -> Array:
-    """Return friction and stiffness of each facet of a body (n, 2), nan for those of the law."""
+    """Return friction and stiffness of each facet of a body (n, 2), nan for a map or the law's."""
     out = np.column_stack([geometry.friction[surface], geometry.stiffness[surface]])
     if body.mesh is None or _regions(body.mesh) is None:
         return out
@@ -262,15 +261,15 @@ def _on_texture(
     spread = np.zeros((len(facets), 2))
     kinds = np.full(len(geometry.texture), PLANAR)
     kinds[geometry.mapping == MAPPINGS.index("triplanar")] = TRIPLANAR
-    rough = geometry.texture[surface] >= 0
-    blended = rough & (kinds[surface] == TRIPLANAR)
-    by_axes = blended | (rough & ~is_mesh)
+    mapped = (geometry.texture[surface] >= 0) | (geometry.friction_map["map"][surface] >= 0)
+    blended = mapped & (kinds[surface] == TRIPLANAR)
+    by_axes = blended | (mapped & ~is_mesh)
     place[by_axes, 0] = facets.origin[by_axes]
     place[by_axes, 1:] = facets.axes[by_axes, :2]
     spread[blended, 1] = 1.0
     planar = by_axes & ~blended
     place[planar, 0] -= geometry.origin[surface[planar]]
-    by_uv = rough & is_mesh & ~blended
+    by_uv = mapped & is_mesh & ~blended
     place[by_uv, :, :2] = np.swapaxes(facets.uv[by_uv], 1, 2)
     flat = planar | by_uv
     spread[flat] = np.linalg.svd(place[flat, 1:, :2], compute_uv=False)[:, ::-1]

@@ -2,8 +2,8 @@
 
 A taxel lies at fixed barycentric coordinates beta of a triangle. With q = sum beta_i x_i, nu the
 unit vector along `sum beta_i nu_i` of the normals at the corners, and h its texture's height, its
-ray starts at q + h nu and goes along -nu. Where it leaves the other body, at X = q + (h - delta) nu,
-that body's normal is N. With m = N / (N.(-nu)),
+ray starts at q + h nu and goes along -nu. Where it leaves the other body, at
+X = q + (h - delta) nu, that body's normal is N. With m = N / (N.(-nu)),
 
     d(delta) = -m . (sum beta_i dx_i + (h - delta) dnu),
 
@@ -18,17 +18,15 @@ with the coefficients that it has at rest; corners that shared one normal then s
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.stack import stack_array
 from asperity.contact.soft.layer import layer_pressure
 from asperity.contact.soft.press import (
     GRAZING,
-    TaxelArrays,
+    SLIP_SPEED,
     add_taxel,
     deepest,
     fill_relative,
@@ -38,81 +36,6 @@ from asperity.contact.soft.sheets import sheet_at
 
 COLLAPSED = 1e-4
 """Least area of a triangle, over that at rest."""
-
-
-class SurfaceArrays(NamedTuple):
-    """A surface at rest: `m` triangles, `v` vertices, `g` shared normals, `n` taxels."""
-
-    faces: Indices
-    """Vertices of each triangle, (m, 3)."""
-    shared: Indices
-    """Number of the normal at each corner, (m, 3)."""
-    members: Indices
-    """Corners, 3 * triangle + 0, 1 or 2, in the order of their normals, (3 m,)."""
-    first_member: Indices
-    """Where those of each normal begin, (g + 1,)."""
-    tilt: Array
-    """Coefficients a, b [1/m] and c [-] of each corner's normal, (m, 3, 3)."""
-    area: Array
-    """Of each triangle [m^2], (m,)."""
-    highest: Array
-    """Largest distance of a ray's ends from the smooth triangle [m], (m,)."""
-    first: Indices
-    """Where the taxels of each triangle begin, (m + 1,)."""
-    weight: Array
-    """Barycentric coordinates of the taxels, (n, 3)."""
-    height: Array
-    """Of the texture at the taxels [m], (n,)."""
-
-
-class SurfaceState(NamedTuple):
-    """What is computed of a surface at one place of its vertices."""
-
-    taxels: TaxelArrays
-    """Places and rays, world axes; of triangles near a body alone."""
-    normal: Array
-    """Of each triangle, (m, 3)."""
-    hat: Array
-    """Gradients of the barycentric coordinates [1/m], (m, 3, 3)."""
-    known: Indices
-    """Tick at which a triangle was computed last, (m,)."""
-    blend: Array
-    """The shared normals, (g, 3)."""
-    length: Array
-    """Of the sums that they were made of, (g,)."""
-    blended: Indices
-    """Tick at which a shared normal was computed last, (g,)."""
-    pull: Array
-    """-dU over the shared normals [N m], (g, 3)."""
-    used: Indices
-    """Numbers of the normals that were computed, and as the last entry how many, (g + 1,)."""
-    hit: Indices
-    """The geom that presses a taxel, (n,)."""
-    pressed: Indices
-    """Numbers of the triangles with a taxel in contact, and as the last entry how many, (m + 1,)."""
-    stiffness: Array
-    """Of the vertices of each triangle of `pressed` [N/m], (m, 9, 9)."""
-    damping: Array
-    """The same of friction [N s/m], (m, 9, 9)."""
-    force: Array
-    """-dU/dx and friction [N], (v, 3)."""
-    tick: Indices
-    """Number of the tick, and of a triangle that has collapsed, or -1; (2,)."""
-
-
-class SurfaceMotion(NamedTuple):
-    """Where vertices and bodies are and how they move, world axes."""
-
-    vertices: Array
-    """[m], (v, 3)"""
-    velocities: Array
-    """[m/s], (v, 3)"""
-    origin: Array
-    """About which torques are [m], (3,)."""
-    centres: Array
-    """Points of the bodies [m], (bodies, 3)."""
-    twists: Array
-    """Velocities of these points [m/s] and angular velocities [rad/s], (bodies, 6)."""
 
 
 @inner_kernel
@@ -180,13 +103,18 @@ def _is_near(solids, relative, surface, x, f):
         for i in range(3):
             far += (x[surface.faces[f, corner], i] - middle[i]) ** 2
         radius = max(radius, far)
-    radius = math.sqrt(radius) + surface.highest[f]
+    return _reaches(solids, relative, middle, math.sqrt(radius) + surface.highest[f])
+
+
+@inner_kernel
+def _reaches(solids, relative, x, radius):
+    """Return whether a solid may come within a distance of a point (3,), world axes."""
     for g in range(relative.shape[0]):
         far = 0.0
         for i in range(3):
             along = relative[g, i, 3]
             for j in range(3):
-                along += relative[g, i, j] * middle[j]
+                along += relative[g, i, j] * x[j]
             far += along * along
         if far <= (solids.bound[g] + radius) ** 2:
             return True
@@ -195,13 +123,15 @@ def _is_near(solids, relative, surface, x, f):
 
 @inner_kernel
 def _lay(surface, state, x, f, t):
-    """Fill place and ray of a taxel of triangle `f`; return the length of its blended normal."""
+    """Fill ray and place of a taxel of triangle `f`, which is on the smooth triangle yet.
+
+    Return the length of its blended normal.
+    """
     point, inwards = state.taxels.point[t], state.taxels.inwards[t]
     for i in range(3):
-        point[i] = inwards[i] = 0.0
+        inwards[i] = 0.0
         for corner in range(3):
             share = surface.weight[t, corner]
-            point[i] += share * x[surface.faces[f, corner], i]
             inwards[i] -= share * state.blend[surface.shared[f, corner], i]
     length = math.sqrt(inwards[0] * inwards[0] + inwards[1] * inwards[1] + inwards[2] * inwards[2])
     length = max(length, 1e-12)
@@ -237,9 +167,23 @@ def _slip(surface, motion, f, t, body, x, slip_out):
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         slip_out[3 + i] = 0.0
-        slip_out[i] = -twist[i] - twist[3 + j] * (x[k] - centre[k]) + twist[3 + k] * (x[j] - centre[j])
+        slip_out[i] = (
+            -twist[i] - twist[3 + j] * (x[k] - centre[k]) + twist[3 + k] * (x[j] - centre[j])
+        )
         for corner in range(3):
-            slip_out[i] += surface.weight[t, corner] * motion.velocities[surface.faces[f, corner], i]
+            slip_out[i] += (
+                surface.weight[t, corner] * motion.velocities[surface.faces[f, corner], i]
+            )
+
+
+@inner_kernel
+def _push_body(motion, state, out, t, body):
+    """Add the force of a taxel to the wrench on a body."""
+    force, x, centre = out.force[t], out.point[t], motion.centres[body]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        state.wrench[body, i] -= force[i]
+        state.wrench[body, 3 + i] -= (x[j] - centre[j]) * force[k] - (x[k] - centre[k]) * force[j]
 
 
 @inner_kernel
@@ -261,23 +205,27 @@ def _push_vertices(surface, state, out, f, t, m, length):
 
 
 @inner_kernel
-def _add_blocks(surface, state, row, t, m, springs):
+def _add_blocks(surface, state, row, t, m, slip, springs):
     """Add stiffness and damping of a taxel to those of its triangle's vertices.
 
-    `springs`: stiffness along m [N/m], damping across it [N s/m].
+    `slip` (3,) is the slip velocity across m. `springs`: stiffness along m [N/m], friction over the
+    slip velocity [N s/m], and by which part that grows for each metre of compression [1/m].
     """
-    slope, drag = springs
+    slope, drag, growth = springs
     square = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+    speed = SLIP_SPEED**2 + slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2]
     for one in range(3):
         for two in range(3):
             share = surface.weight[t, one] * surface.weight[t, two]
             for i in range(3):
                 for j in range(3):
-                    push = share * m[i] * m[j]
-                    state.stiffness[row, 3 * one + i, 3 * two + j] += slope * push
+                    push = slope * m[i] * m[j] - drag * growth * slip[i] * m[j]
+                    state.stiffness[row, 3 * one + i, 3 * two + j] += share * push
                     if drag > 0.0:
-                        same = share if i == j else 0.0
-                        state.damping[row, 3 * one + i, 3 * two + j] += drag * (same - push / square)
+                        across = (1.0 if i == j else 0.0) - m[i] * m[j] / square
+                        state.damping[row, 3 * one + i, 3 * two + j] += share * drag * across
+                        along = slip[i] * slip[j] / speed
+                        state.slipping[row, 3 * one + i, 3 * two + j] += share * drag * along
 
 
 @inner_kernel
@@ -292,7 +240,11 @@ def _turn_normals(surface, state, x):
             pull[i] = (pull[i] - along * normal[i]) / state.length[g]
         for at in range(surface.first_member[g], surface.first_member[g + 1]):
             f, corner = divmod(surface.members[at], 3)
-            a, b, c = surface.tilt[f, corner, 0], surface.tilt[f, corner, 1], surface.tilt[f, corner, 2]
+            a, b, c = (
+                surface.tilt[f, corner, 0],
+                surface.tilt[f, corner, 1],
+                surface.tilt[f, corner, 2],
+            )
             for one in range(3):
                 hat, vertex = state.hat[f, one], surface.faces[f, one]
                 turn = c * (pull[0] * hat[0] + pull[1] * hat[1] + pull[2] * hat[2])
@@ -315,6 +267,7 @@ def _clear(surface, state, out):
         for i in range(9):
             for j in range(9):
                 state.stiffness[row, i, j] = state.damping[row, i, j] = 0.0
+                state.slipping[row, i, j] = 0.0
     state.pressed[last] = 0
     state.used[state.used.size - 1] = 0
     state.tick[0] += 1
@@ -354,6 +307,7 @@ def press_surface(solids, surface, friction, motion, state, out):
     fill_relative(solids.frames, still, relative)
     _clear(surface, state, out)
     state.force[:] = 0.0
+    state.wrench[:] = 0.0
     last, count = state.pressed.size - 1, 0
     for f in range(surface.faces.shape[0]):
         if not _is_near(solids, relative, surface, x, f):
@@ -362,6 +316,13 @@ def press_surface(solids, surface, friction, motion, state, out):
         for corner in range(3):
             _fill_shared(surface, state, x, surface.shared[f, corner])
         for t in range(surface.first[f], surface.first[f + 1]):
+            point = taxels.point[t]
+            for i in range(3):
+                point[i] = 0.0
+                for corner in range(3):
+                    point[i] += surface.weight[t, corner] * x[surface.faces[f, corner], i]
+            if not _reaches(solids, relative, point, surface.highest[f]):
+                continue
             length = _lay(surface, state, x, f, t)
             depth, hit, face = deepest(solids, relative, taxels, t, best_x, best_d)
             if hit < 0:
@@ -381,14 +342,16 @@ def press_surface(solids, surface, friction, motion, state, out):
                 for j in range(3):
                     m[i] += solids.frames[hit, i, j] * normal[j] / rate
                     out.point[t, i] += solids.frames[hit, i, j] * best_x[j]
-            _slip(surface, motion, f, t, solids.geometry.body[hit], out.point[t], slip)
+            body = solids.geometry.body[hit]
+            _slip(surface, motion, f, t, body, out.point[t], slip)
             out.energy[0] += add_taxel(t, taxels, friction, still, motion.origin, m, slip, out)
+            _push_body(motion, state, out, t, body)
             pressure, slope, _ = layer_pressure(taxels.modulus[t], taxels.thickness[t], depth)
-            drag, area = 0.0, taxels.area[t]
-            if friction > 0.0:
-                drag = take_across(slip, m, friction * pressure * area)
+            area = taxels.area[t]
+            drag = take_across(slip, m, friction * pressure * area)
             _push_vertices(surface, state, out, f, t, m, length)
-            _add_blocks(surface, state, row, t, m, (slope * area, drag))
+            springs = (slope * area, drag, slope / pressure)
+            _add_blocks(surface, state, row, t, m, slip, springs)
     out.pressed[out.pressed.size - 1] = count
     _turn_normals(surface, state, x)
     for i in range(6):

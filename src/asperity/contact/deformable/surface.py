@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
-from asperity.contact.deformable.press import SurfaceArrays
+from asperity.contact.deformable.records import SurfaceArrays
 from asperity.contact.soft.press import TaxelArrays
 from asperity.contact.soft.skin import foundation_modulus
 from asperity.errors import AsperityError, require_between, require_positive
@@ -99,6 +99,12 @@ class DeformableSurface:
         return np.repeat(self.arrays.area / np.diff(self.arrays.first), np.diff(self.arrays.first))
 
     @cached_property
+    def normals(self) -> Array:
+        """Unit normal of each triangle at rest, (m, 3)."""
+        across = crosses(self.mesh.vertices[self.mesh.faces])
+        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+
+    @cached_property
     def triangle_of(self) -> Indices:
         """Triangle of each taxel, (n,)."""
         return np.repeat(np.arange(len(self.mesh.faces)), np.diff(self.arrays.first))
@@ -112,9 +118,9 @@ class DeformableSurface:
         total = float((sides**2).sum())
         if total > MOST_TAXELS:
             raise AsperityError(
-                f"pitch {self._pitch:g} m gives {total:.3g} taxels on {mesh.name!r}; valid: at most "
-                f"{MOST_TAXELS}, a pitch of {self._pitch * np.sqrt(total / MOST_TAXELS):.2g} m or "
-                "more"
+                f"pitch {self._pitch:g} m gives {total:.3g} taxels on {mesh.name!r}; valid: at "
+                f"most {MOST_TAXELS}, a pitch of "
+                f"{self._pitch * np.sqrt(total / MOST_TAXELS):.2g} m or more"
             )
         counts = sides.astype(np.int64) ** 2
         first = np.concatenate([[0], np.cumsum(counts)])
@@ -126,7 +132,7 @@ class DeformableSurface:
             rows = first[faces][:, None] + np.arange(side**2)
             weight[rows], height[rows] = parts, relief.heights(faces, parts)[0]
         height += self._rise
-        highest = np.maximum.reduceat(np.abs(height), first[:-1]) + 2.0 * self.thickness
+        highest = np.maximum.reduceat(np.abs(height), first[:-1]) + self.thickness
         shared = _shared_normals(mesh)
         members = np.argsort(shared.ravel(), kind="stable")
         starts = np.searchsorted(shared.ravel()[members], np.arange(shared.max() + 2))

@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import Repeated
-from asperity.contact.deformable.press import SurfaceMotion, SurfaceState, press_surface
+from asperity.contact.deformable.press import press_surface
+from asperity.contact.deformable.records import SurfaceMotion, SurfaceState
 from asperity.contact.deformable.surface import DeformableSurface
 from asperity.contact.soft.press import SkinOutput
 from asperity.contact.soft.solids import fill_frames, solids_of
-from asperity.errors import AsperityError, require_finite
+from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import require_pose, rotation_of
 
@@ -80,7 +81,8 @@ class SurfaceContact:
             surface.taxels(), np.zeros((m, 3)), np.zeros((m, 3, 3)), np.zeros(m, np.int64),
             np.zeros((g, 3)), np.zeros(g), np.zeros(g, np.int64), np.zeros((g, 3)),
             np.zeros(g + 1, np.int64), np.full(n, -1, np.int64), np.zeros(m + 1, np.int64),
-            np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((v, 3)), np.zeros(2, np.int64),
+            np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((v, 3)),
+            np.zeros((count, 6)), np.zeros(2, np.int64),
         )  # fmt: skip
         self.out = SkinOutput(
             np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
@@ -121,60 +123,88 @@ class SurfaceContact:
             An array has another shape or is not finite; a vertex leaps; a triangle has shrunk to
             less than 1e-4 of its area at rest. Then there is no force, until the next call.
         """
+        motion = self._motion
         try:
-            self._place(vertices, poses, velocities, twists)
-            self._press(
-                self._solids, self.surface.arrays, self.surface.friction, self._motion, self.state,
-                self.out,
-            )  # fmt: skip
-            self._refuse_collapsed()
+            places = _checked("vertices", vertices, motion.vertices.shape)
+            speeds = np.zeros_like(places)
+            if velocities is not None:
+                speeds = _checked("velocities", velocities, places.shape)
+            if len(poses) != len(motion.centres):
+                raise AsperityError(
+                    f"there are {len(motion.centres)} bodies, but {len(poses)} poses"
+                )
+            moved = np.zeros_like(motion.twists)
+            if twists is not None:
+                moved = _checked("twists", twists, moved.shape)
+            self._refuse_leap(places)
+            self.place([require_pose(pose, "pose") for pose in poses], moved)
+            self.press_at(places, speeds)
         except AsperityError:
-            self._clear()
+            self.clear()
             raise
         self._is_first = False
 
-    def _place(
-        self, vertices: ArrayLike, poses: Sequence[ArrayLike], velocities: ArrayLike | None,
-        twists: ArrayLike | None,
-    ) -> None:  # fmt: skip
+    def _refuse_leap(self, places: Array) -> None:
+        if self._leap is None or self._is_first:
+            return
+        way = np.linalg.norm(places - self._motion.vertices, axis=1)
+        if way.max() > self._leap:
+            raise AsperityError(
+                f"vertex {int(way.argmax())} leaps by {way.max():.3g} m in one tick; valid: at "
+                f"most leap = {self._leap:g} m"
+            )
+
+    def place(self, poses: Sequence[Array], twists: Array) -> None:
+        """Put the bodies at poses (bodies, 7) with twists (bodies, 6), which are not checked."""
         motion = self._motion
-        places = _checked("vertices", vertices, motion.vertices.shape)
-        speeds = None if velocities is None else _checked("velocities", velocities, places.shape)
-        if len(poses) != len(motion.centres):
-            raise AsperityError(f"there are {len(motion.centres)} bodies, but {len(poses)} poses")
-        placed = [require_pose(pose, "pose") for pose in poses]
-        moved = None if twists is None else _checked("twists", twists, motion.twists.shape)
-        if self._leap is not None and not self._is_first:
-            way = np.linalg.norm(places - motion.vertices, axis=1)
-            if way.max() > self._leap:
-                raise AsperityError(
-                    f"vertex {int(way.argmax())} leaps by {way.max():.3g} m in one tick; valid: at "
-                    f"most leap = {self._leap:g} m"
-                )
-        motion.vertices[:] = places
-        motion.velocities[:] = 0.0 if speeds is None else speeds
-        motion.twists[:] = 0.0 if moved is None else moved
-        fill_frames(self._solids, placed)
-        for centre, own, pose in zip(motion.centres, self._centres, placed, strict=True):
-            centre[:] = pose[:3] + rotation_of(pose[3:]) @ own
+        motion.twists[:] = twists
+        fill_frames(self._solids, poses)
+        for centre, arm, pose in zip(motion.centres, self.arms(poses), poses, strict=True):
+            centre[:] = pose[:3] + arm
         motion.origin[:] = motion.centres[0]
+
+    def press_at(self, vertices: Array, velocities: Array) -> None:
+        """Compute the contact at places of the vertices, which are not checked; see `press`.
+
+        Raises
+        ------
+        AsperityError
+            A triangle has collapsed.
+        """
+        self._motion.vertices[:] = vertices
+        self._motion.velocities[:] = velocities
+        self._press(
+            self._solids, self.surface.arrays, self.surface.friction, self._motion, self.state,
+            self.out,
+        )  # fmt: skip
+        self._refuse_collapsed()
+
+    def arms(self, poses: Sequence[Array]) -> Array:
+        """Return the ways from the bodies' origins to their centres (bodies, 3) [m]."""
+        turns = [rotation_of(pose[3:]) for pose in poses]
+        return np.array([turn @ own for turn, own in zip(turns, self._centres, strict=True)])
 
     def _refuse_collapsed(self) -> None:
         triangle = int(self.state.tick[1])
         if triangle >= 0:
             raise AsperityError(
-                f"triangle {triangle} of {self.surface.mesh.name!r} has collapsed: it has less than "
-                "1e-4 of its area at rest"
+                f"triangle {triangle} of {self.surface.mesh.name!r} has collapsed: it has less "
+                "than 1e-4 of its area at rest"
             )
 
-    def _clear(self) -> None:
-        """Leave no force."""
+    def clear(self) -> None:
+        """Leave no contact and no force, until the next places."""
+        self.state.wrench[:] = 0.0
+        for blocks in (self.state.stiffness, self.state.damping, self.state.slipping):
+            blocks[:] = 0.0
         self.state.force[:] = 0.0
+        self.state.hit[:] = -1
         for array in (self.out.compression, self.out.traction, self.out.force, self.out.wrench):
             array[:] = 0.0
         self.out.stiffness[:] = self.out.damping[:] = self.out.damped[:] = 0.0
         self.out.energy[:] = self.out.push[:] = 0.0
-        self.out.pressed[-1] = 0
+        self.out.pressed[-1] = self.state.pressed[-1] = 0
+        self._is_first = True
 
     @property
     def energy(self) -> float:
@@ -193,12 +223,7 @@ class SurfaceContact:
     @property
     def wrenches(self) -> Array:
         """On each body: force [N], torque about its centre [N m], world axes, (bodies, 6)."""
-        out, rows = np.zeros((len(self._motion.centres), 6)), self._pressed
-        body = self._solids.geometry.body[self.state.hit[rows]]
-        force = -self.out.force[rows]
-        arm = self.out.point[rows] - self._motion.centres[body]
-        np.add.at(out, body, np.concatenate([force, np.cross(arm, force)], axis=1))
-        return out
+        return self.state.wrench.copy()
 
     @property
     def compression(self) -> Array:

@@ -20,6 +20,8 @@ from asperity.texture.packed import texture_at
 _NEWTON_STEPS = 20
 _CONVERGED = 1e-16
 """Lateral residual at which Newton's method ends [m]."""
+NO_WEIGHT = 1e-12
+"""Of the three maps of a triplanar map, those with a smaller weight are left out."""
 _LINEAR = 1e-12
 """Residual on a plane below which the rest is extrapolated linearly [m]: slopes differ by 1e-8."""
 
@@ -68,17 +70,38 @@ def _chain_rule(height, u, v):
 
 
 @small_kernel
-def _planar_map(textures, patch, axes, start, x, y, root):
-    """Return t and its derivatives where (u, v) are two coordinates of the base point less `start`.
+def planar_place(patch, axes, start, x, y, r):
+    """Return two coordinates of the base point at (x, y) less `start` [m]; r is the root there.
 
     `axes` are the numbers of the two coordinates in the texture's frame.
     """
     i, j = axes
     at, by_x, by_y = patch.texture_origin, patch.texture_from_x, patch.texture_from_y
+    a, b = patch.texture_from_root[i], patch.texture_from_root[j]
+    return (
+        at[i] - start[0] + by_x[i] * x + by_y[i] * y + a * r,
+        at[j] - start[1] + by_x[j] * x + by_y[j] * y + b * r,
+    )
+
+
+@small_kernel
+def cylindrical_place(patch, x, y, r):
+    """Return (u, v) of a cylindrical map at (x, y) of a patch [m]; r is the root there."""
+    radius, sense = patch.radius, patch.map_sense * patch.map_stretch
+    return (
+        patch.map_start[0] + sense * radius * math.asin(min(max(y / radius, -1.0), 1.0)),
+        patch.map_start[1] + x + patch.lean * r,
+    )
+
+
+@small_kernel
+def _planar_map(textures, patch, axes, start, x, y, root):
+    """Return t and its derivatives where (u, v) are those of `planar_place`."""
+    i, j = axes
+    by_x, by_y = patch.texture_from_x, patch.texture_from_y
     r, r_x, r_y, r_xx, r_xy, r_yy = root
     a, b = patch.texture_from_root[i], patch.texture_from_root[j]
-    u = at[i] - start[0] + by_x[i] * x + by_y[i] * y + a * r
-    v = at[j] - start[1] + by_x[j] * x + by_y[j] * y + b * r
+    u, v = planar_place(patch, axes, start, x, y, r)
     return _chain_rule(
         texture_at(textures, patch.texture, u, v),
         (by_x[i] + a * r_x, by_y[i] + a * r_y, a * r_xx, a * r_xy, a * r_yy),
@@ -100,7 +123,7 @@ def _triplanar_map(textures, patch, x, y, root):
     for k in range(3):
         w = n0[k] + n1[k] * x + n2[k] * y + n3[k] * r
         weight = w * w * w * w
-        if weight < 1e-12:
+        if weight < NO_WEIGHT:
             # Imperceptible; and a plane across an axis has exactly the map of that axis.
             continue
         w_x, w_y = n1[k] + n3[k] * r_x, n2[k] + n3[k] * r_y
@@ -142,8 +165,7 @@ def height_on(textures, patch, x, y, root):
         r, _, r_y, _, _, r_yy = root
         radius, lean = patch.radius, patch.lean
         sense = patch.map_sense * patch.map_stretch
-        u = patch.map_start[0] + sense * radius * math.asin(min(max(y / radius, -1.0), 1.0))
-        v = patch.map_start[1] + x + lean * r
+        u, v = cylindrical_place(patch, x, y, r)
         return _chain_rule(
             texture_at(textures, patch.texture, u, v),
             (0.0, sense / r, 0.0, 0.0, sense * y / (radius * radius * r * r * r)),

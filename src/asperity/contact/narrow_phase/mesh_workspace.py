@@ -54,7 +54,7 @@ class FacetSpace(NamedTuple):
     stiffness: NDArray[np.float64]
     """Of contact with each body [N/m], (bodies,)."""
     friction: NDArray[np.float64]
-    """Coulomb's coefficient of contact with each body [-], (bodies,)."""
+    """Coulomb's coefficient of contact with each body, where no map gives it [-], (bodies,)."""
 
 
 def facet_space(table: FacetTable, geoms: int) -> FacetSpace:

@@ -11,6 +11,7 @@ from asperity._core.kernels import inner_kernel
 from asperity._core.records import clear_record
 from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.branch_and_bound import initialise_pair, search_pair
+from asperity.contact.narrow_phase.friction import friction_of_tie
 from asperity.contact.narrow_phase.incumbent import SAME_POINT, TIE, pruning_threshold
 from asperity.contact.narrow_phase.patch_pair import searches_a
 from asperity.contact.narrow_phase.records import BUDGET_SPENT, CERTIFIED
@@ -94,6 +95,7 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
     """Fill a `PENETRATION` record from a finished search: depth, gap, and means over the ties."""
     search, frame = memory.search[0], memory.frame
     clear_record(result_out)
+    result_out.friction = np.nan
     if search.best.pair < 0:
         search.incumbent = -np.inf  # nothing was found
     result_out.depth = search.incumbent
@@ -108,7 +110,8 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
         if _counts(search, t):
             area += search.ties[t].weight
     m, p, q = stack_array((3,)), stack_array((3,)), stack_array((3,))
-    total = 0.0
+    total = friction = 0.0
+    has_map = False
     for t in range(search.tie_count):
         if not _counts(search, t):
             continue
@@ -118,6 +121,12 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
         if share == 0.0:
             continue
         is_a = _certain_slope_normal(textures, stride, t, memory, m, p)
+        own, is_mapped = friction_of_tie(textures, stride, tie, is_a, memory)
+        has_map = has_map or is_mapped
+        if own == own:
+            friction += share * own
+        else:
+            result_out.unknown += share
         height = -tie.point[2] if is_a else -tie.other_z
         result_out.ties += 1
         total += share
@@ -129,6 +138,9 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
             result_out.slope_normal[k] += share * q[k]
             one, two = (k + 1) % 3, (k + 2) % 3
             result_out.moment[k] += share * (p[one] * q[two] - p[two] * q[one])
+    result_out.unknown /= total
+    if has_map:
+        result_out.friction = friction / total
     for k in range(3):
         result_out.point[k] /= total
         result_out.slope_normal[k] /= total

@@ -19,6 +19,8 @@ PENETRATION = np.dtype(
         ("point", "f8", 3),  # their mean on A's surface, from the contact's origin [m]
         ("slope_normal", "f8", 3),  # m = n - s_u u - s_v v, mean over the ties; world axes
         ("moment", "f8", 3),  # mean of point x m [m]
+        ("friction", "f8"),  # mean of Coulomb's coefficient, if a map gives any; else nan
+        ("unknown", "f8"),  # share of the points at which neither surface has a coefficient
     ],
     align=True,
 )
@@ -74,6 +76,12 @@ PATCH = np.dtype(
         ("map_sense", "f8"),  # 1 where u grows with y, else -1
         ("map_stretch", "f8"),  # factor by which u is stretched to close round the axis
         ("lean", "f8"),  # v from the root [m]
+        # Friction: its map among the textures (-1: none) or else Coulomb's coefficient (nan: none),
+        # and the place on its map from texture coordinates: scale times these, plus shift [m].
+        ("friction_map", "i8"),
+        ("friction", "f8"),
+        ("friction_scale", "f8", 2),
+        ("friction_shift", "f8", 2),
         # Extent.
         ("rectangle", "f8", 4),  # x0, x1, y0, y1 [m]
         ("rectangle_is_edge", "?"),

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.kernels import inner_kernel
+from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity.geometry.frames import material_displacement, to_body, to_world
 
@@ -120,6 +120,7 @@ def add_friction(out, c, point, body_frame, bristle, motion):
     contacts = out.contacts
     contacts.friction[c], contacts.bristle_stiffness[c] = bristle.friction, bristle.stiffness
     if bristle.friction == 0.0:
+        clear(bristle.deflection)  # a map may give it some again
         return
     moved, local, across, drag = (
         stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,)),

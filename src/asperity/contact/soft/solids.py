@@ -11,6 +11,7 @@ from asperity._core.arrays import Array
 from asperity.contact.body_arrays import Geometry, flatten_bodies
 from asperity.contact.broad_phase.geom_pairs import radius_around
 from asperity.contact.soft.sheets import BOX, PLANE, REACH, Solids
+from asperity.errors import AsperityError
 from asperity.geometry.bodies import KINDS, MAPPINGS, Body
 from asperity.geometry.poses import rotation_of
 from asperity.texture.packed import PackedTextures
@@ -18,11 +19,22 @@ from asperity.texture.packed import PackedTextures
 
 def solids_of(bodies: Sequence[Body], poses: Sequence[Array]) -> Solids:
     """Return the geoms and textures of bodies at their poses (7,)."""
+    refuse_friction_maps(bodies)
     textures, geometry = flatten_bodies(bodies)
     reach, frames = _reach(textures, geometry), np.empty((len(geometry.kind), 3, 4))
     solids = Solids(textures, geometry, reach, frames, _bound(geometry, reach))
     fill_frames(solids, poses)
     return solids
+
+
+def refuse_friction_maps(bodies: Sequence[Body]) -> None:
+    """Raise `AsperityError` for a map of friction: where a skin is, its own friction counts."""
+    for body in bodies:
+        if body.friction_maps:
+            raise AsperityError(
+                f"friction of body {body.name!r} is a map; with a soft skin, friction is one "
+                "number, the skin's"
+            )
 
 
 def smooth(solids: Solids) -> Solids:

@@ -9,7 +9,7 @@ import numpy as np
 from asperity._core.arrays import Array, Indices
 from asperity.geometry.bodies import Body, origin_of_map
 from asperity.geometry.displaced.view import coarsened
-from asperity.geometry.mesh.texture_coordinates import places_on_texture
+from asperity.geometry.mesh.texture_coordinates import places_on_map
 from asperity.geometry.mesh.topology import crosses, edges_of, gradients, meeting_corners
 
 _ROUND = float(np.cos(np.radians(35.0)))
@@ -35,7 +35,7 @@ class MeshRelief:
         """Corners of the triangles [m], (m, 3, 3)."""
         self.normals = mesh.normals
         """Unit normals along which the texture displaces, at the corners, (m, 3, 3)."""
-        self._places = places_on_texture(body)
+        self._places = places_on_map(body, body.texture)
         self._lit = self._lit_normals()
         self._field = body.texture
         self._origin = origin_of_map(body)

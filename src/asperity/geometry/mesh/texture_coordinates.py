@@ -3,40 +3,46 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity.geometry.bodies import Body, origin_of_map
+from asperity.geometry.bodies import Body, map_origin
+from asperity.geometry.mesh.mesh import Mesh
+
+if TYPE_CHECKING:
+    from asperity.texture.friction_map import FrictionMap
+    from asperity.texture.height_field import HeightField
 
 
-def places_on_texture(body: Body) -> Array | None:
-    """Return the texture coordinates of every corner of a body's mesh [m], (m, 3, 2).
+def places_on_map(body: Body, laid: HeightField | FrictionMap | None) -> Array | None:
+    """Return the coordinates on a map of every corner of a body's mesh [m], (m, 3, 2).
 
-    None without texture, and for triplanar maps, which have three.
+    None without a mesh or a map, and for triplanar maps, which have three.
     """
-    mesh, texture = body.mesh, body.texture
-    if mesh is None or texture is None or body.mapping == "triplanar":
+    mesh = body.mesh
+    if mesh is None or laid is None or body.mapping == "triplanar":
         return None
     if body.mapping == "uv":
         assert mesh.uv is not None
-        return mesh.uv * np.asarray(texture.size) - np.asarray(body.offset, dtype=np.float64)
-    offset = origin_of_map(body)
+        return mesh.uv * np.asarray(laid.size) - np.asarray(body.offset, dtype=np.float64)
+    offset = map_origin(laid, body.offset)
     points = mesh.vertices[mesh.faces]
     if body.mapping == "planar":
         return points[:, :, :2] - offset
-    return _round_z(points, mesh.vertices, texture.size[0], texture.border == "wrap") - offset
-
-
-def _round_z(points: Array, vertices: Array, length: float, wraps: bool) -> Array:
-    """Return u around the z axis, at the mean distance from it, and v along it [m].
-
-    If the texture wraps, u is scaled to a whole number of periods around the axis.
-    """
-    round_by = 2.0 * math.pi * float(np.mean(np.hypot(vertices[:, 0], vertices[:, 1])))
-    if wraps:
-        round_by = max(round(round_by / length), 1) * length
     angle = np.arctan2(points[:, :, 1], points[:, :, 0])
     # Corners of a triangle within half a turn of its first.
     angle -= 2.0 * math.pi * np.round((angle - angle[:, :1]) / (2.0 * math.pi))
-    return np.stack([angle / (2.0 * math.pi) * round_by, points[:, :, 2]], axis=2)
+    length = length_round(mesh, laid)
+    return np.stack([angle / (2.0 * math.pi) * length, points[:, :, 2]], axis=2) - offset
+
+
+def length_round(mesh: Mesh, laid: HeightField | FrictionMap) -> float:
+    """Return how long a map is once round the z axis of a mesh, at the mean distance from it [m].
+
+    If the map wraps, it is a whole number of its periods.
+    """
+    vertices, length = mesh.vertices, laid.size[0]
+    around = 2.0 * math.pi * float(np.mean(np.hypot(vertices[:, 0], vertices[:, 1])))
+    return max(round(around / length), 1) * length if laid.border == "wrap" else around

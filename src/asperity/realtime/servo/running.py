@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import shutil
 import signal
+import threading
 import time
 import warnings
 from collections.abc import Mapping
@@ -72,6 +73,7 @@ class Servo:
     ) -> None:
         self.spec = spec
         self.parameters = LiveParameters.of(spec.scene, spec.rate)
+        self._setting = threading.Lock()
         self._folder = shared_folder()
         self._mailbox = Mailbox(self._folder / MAILBOX, create=True)
         spawn = multiprocessing.get_context("spawn")
@@ -180,6 +182,8 @@ class Servo:
     def set(self, **changes: Any) -> None:
         """Change `LiveParameters`: all of them are replaced at once, between two ticks.
 
+        Several threads may do so at the same time: none takes back what another has set.
+
         Raises
         ------
         AsperityError
@@ -189,10 +193,11 @@ class Servo:
         --------
         >>> servo.set(stiffness=2e4, friction=0.2)
         """
-        parameters = self.parameters.changed(self.spec.scene, changes)
-        parameters.force(self.spec.scene.force)  # raises here what would fail in the servo process
-        self._mailbox.send(parameters.plain())
-        self.parameters = parameters
+        with self._setting:
+            parameters = self.parameters.changed(self.spec.scene, changes)
+            parameters.force(self.spec.scene.force)  # raises what would fail in the servo process
+            self._mailbox.send(parameters.plain())
+            self.parameters = parameters
 
     def stop(self) -> None:
         """Stop the loop, which sends zero to the device."""

@@ -22,7 +22,7 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.body_arrays import Geometry, flatten_bodies
 from asperity.geometry.bodies import Body
-from asperity.geometry.mesh.texture_coordinates import places_on_texture
+from asperity.geometry.mesh.texture_coordinates import places_on_map
 from asperity.texture.packed import PackedTextures, texture_at
 
 PLANE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX = range(6)
@@ -74,7 +74,7 @@ def shapes_of(bodies: Sequence[Body]) -> Shapes:
         if body.mesh is None:
             continue
         corners = body.mesh.vertices[body.mesh.faces]
-        places = places_on_texture(body)
+        places = places_on_map(body, body.texture)
         empty = np.zeros((len(corners), 3, 2))
         rows.append((
             corners, body.mesh.normals, empty if places is None else places,

@@ -15,6 +15,8 @@ from asperity.texture.files.stored import NO_UNIT, Stored, check_size, level_ste
 
 ARRAY_SUFFIXES = (".npy", ".npz", ".csv", ".txt", ".tsv")
 """Of arrays and text."""
+GREY_LEVELS = "whole numbers are read as grey levels"
+"""Note on arrays of integers."""
 _PIXEL_KEY = re.compile(r"pixel(_?size)?(_(nm|um|mm|m))?")
 _HEIGHT_KEY = re.compile(r".+_(nm|um|mm|m)")
 _VALID = "valid: an array of numbers, saved by numpy.save or numpy.savez"
@@ -36,8 +38,7 @@ def _numbers(path: Path, values: Any, unit: str = "") -> Stored:
         refuse(path, f"it holds {values.dtype} values; valid: real numbers")
     scale = SHORT[unit or "m"]
     if values.dtype.kind in "ui" and not unit:
-        notes = ("whole numbers are read as grey levels",)
-        return Stored(values, notes, scale=None, step=level_step(values))
+        return Stored(values, (GREY_LEVELS,), scale=None, step=level_step(values))
     return Stored(values, () if unit else (NO_UNIT,), None, scale, unit)
 
 

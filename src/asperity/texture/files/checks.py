@@ -38,24 +38,30 @@ def checked_pixel_size(pixel_size: float | Sequence[float]) -> tuple[float, floa
     return float(pu), float(pv)
 
 
-def checked_samples(samples: ArrayLike) -> Array:
-    """Return a copy of `samples` if they are valid heights, or raise `SurfaceError`."""
+def checked_grid(samples: ArrayLike) -> Array:
+    """Return a copy of `samples` (nv, nu) if they are finite numbers, or raise `SurfaceError`."""
     try:
         given = np.asarray(samples)
         if given.dtype.kind not in "iuf":
             raise TypeError(f"{given.dtype} values")
-        heights = np.array(given, dtype=np.float64, order="C")
+        values = np.array(given, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise SurfaceError(f"samples must be an array of real numbers, got {error}") from None
-    if heights.ndim != 2 or min(heights.shape) < 4 or heights.size > MAX_SAMPLES:
+    if values.ndim != 2 or min(values.shape) < 4 or values.size > MAX_SAMPLES:
         raise SurfaceError(
             "samples must be of shape (nv, nu), 4 or more along each axis and "
-            f"{MAX_SAMPLES} at most in all, got {heights.shape}"
+            f"{MAX_SAMPLES} at most in all, got {values.shape}"
         )
+    if not (np.isfinite(values.min()) and np.isfinite(values.max())):
+        bad = int(np.count_nonzero(~np.isfinite(values)))
+        raise SurfaceError(f"{bad} of {values.size} samples are NaN or infinite; fill them first")
+    return values
+
+
+def checked_samples(samples: ArrayLike) -> Array:
+    """Return a copy of `samples` if they are valid heights, or raise `SurfaceError`."""
+    heights = checked_grid(samples)
     farthest = max(-float(heights.min()), float(heights.max()))
-    if not np.isfinite(farthest):
-        bad = int(np.count_nonzero(~np.isfinite(heights)))
-        raise SurfaceError(f"{bad} of {heights.size} samples are NaN or infinite; fill them first")
     if farthest > MAX_HEIGHT:
         raise SurfaceError(f"samples must lie within {MAX_HEIGHT:g} m of 0, got {farthest:g} m")
     return heights

@@ -141,7 +141,7 @@ def read_heights(
     pixels = None if pixel_size is None else _lengths(path, "pixel_size", pixel_size)
     if height_range is not None:
         _lengths(path, "height_range", height_range)
-    stored = _load(path, array, colour, pixels)
+    stored = load_stored(path, array, colour, pixels)
     if unit is not None:
         stored = _in_unit(path, stored, unit, height_range)
     elif stored.sizes_follow and pixels is not None and stored.pixel_size is not None:
@@ -240,10 +240,13 @@ def _as_given(stored: Stored, given: tuple[float, float]) -> Stored:
     return stored
 
 
-def _load(
-    path: Path, array: str | None, colour: str | None, pixels: tuple[float, float] | None
+def load_stored(
+    path: Path,
+    array: str | None = None,
+    colour: str | None = None,
+    pixels: tuple[float, float] | None = None,
 ) -> Stored:
-    """Return the contents of the file at `path`, whatever its format."""
+    """Return the contents of the file at `path`, whatever its format; see `read_heights`."""
     suffix = suffix_of(path, PACKED)
     if array is not None and suffix != ".npz":
         refuse(path, "array= chooses among the arrays of an .npz file; leave it out")

@@ -1,0 +1,322 @@
+"""An elastic body whose textured surface touches rigid bodies: in time, and at rest.
+
+Of the displacements u = Phi q + G f of the surface the modes swing, `q'' + 2 zeta omega q' +
+omega^2 q = Phi^T f`, and the rest follows the forces f at once. A step of h is implicit (backward
+Euler): with H = h^2 / (1 + 2 zeta omega h + h^2 omega^2) of each mode, and f linearised about the
+last displacements u_k,
+
+    u = u_0 + (Phi H Phi^T + G) f,    f = f_k - (K + D / h) (u - u_k),
+
+with u_0 the displacements without contact, K and D stiffness and damping of the contact: one system
+of equations for the vertices that are touched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from asperity._core.arrays import Array
+from asperity.contact.deformable.elastic_body import ElasticBody
+from asperity.contact.deformable.linear_contact import (
+    add_product,
+    agreeing_forces,
+    displaced,
+    pull_on_modes,
+)
+from asperity.contact.deformable.surface import DeformableSurface
+from asperity.contact.deformable.surface_contact import SurfaceContact
+from asperity.errors import AsperityError, require_between, require_not_negative
+from asperity.geometry.bodies import Body
+from asperity.geometry.poses import mean_twist, require_pose
+from asperity.geometry.rigid_body import cross
+
+LONGEST_STEP = 0.02
+"""[s]"""
+_STEP_ERROR = 3e-4
+"""Largest error of a displacement after a step, over the thickness of the layer [-]."""
+_NEWTON_STEPS, _HALVINGS = 16, 4
+_CLOSE = 1e-9
+"""Largest error of a displacement at rest, over the thickness of the layer [-]."""
+
+
+class ElasticContact:
+    """An elastic body with a textured surface among rigid bodies.
+
+    All is in the frame of the elastic body: its held nodes do not move.
+
+    Parameters
+    ----------
+    body : ElasticBody
+    surface : DeformableSurface
+        On the mesh of the body.
+    bodies : sequence of Body
+        What it meets; of simple geoms.
+    damping : float
+        Damping ratio zeta of each mode, 0 to 10.
+    centres : (bodies, 3), optional
+        Points about which torques on the bodies are, in their frames [m].
+    leap : float, optional
+        Largest way of a vertex in one step [m]; by default the thickness of the layer.
+
+    Raises
+    ------
+    AsperityError
+        The surface has another mesh than the body, or a value is outside its range.
+    """
+
+    def __init__(
+        self,
+        body: ElasticBody,
+        surface: DeformableSurface,
+        bodies: Sequence[Body],
+        *,
+        damping: float = 0.05,
+        centres: ArrayLike | None = None,
+        leap: float | None = None,
+    ) -> None:
+        require_between("damping", damping, 0.0, 10.0)
+        if surface.mesh is not body.mesh:
+            raise AsperityError(
+                f"the surface is on the mesh {surface.mesh.name!r}, not on that of the elastic body"
+            )
+        self.body, self._damping = body, float(damping)
+        self.surface = SurfaceContact(surface, bodies, centres=centres)
+        self._leap = surface.thickness if leap is None else float(leap)
+        self._residual = body.residual
+        self._step, self._yield = 0.0, np.zeros((0, 0))
+        self._modes = np.ascontiguousarray(body.modes)
+        self.reset()
+
+    def reset(self) -> None:
+        """Put the body back to rest, without contact."""
+        count = self.body.modes.shape[1]
+        self._q, self._rate = np.zeros(count), np.zeros(count)
+        self._u, self._force = np.zeros(len(self.body.modes)), np.zeros(len(self.body.modes))
+        self._speed = np.zeros(len(self.body.modes))
+        self._poses: list[Array] | None = None
+        self.surface.clear()
+        self.error = 0.0
+        """How far the displacements of the last step are from those their contact causes [m]."""
+
+    @property
+    def vertices(self) -> Array:
+        """Of the surface, displaced [m], (v, 3)."""
+        return self.body.mesh.vertices + self._u.reshape(-1, 3)
+
+    @property
+    def displacements(self) -> Array:
+        """Of the vertices [m], (v, 3)."""
+        return self._u.reshape(-1, 3).copy()
+
+    @property
+    def energy(self) -> float:
+        """Elastic energy of the body and of the layer [J]."""
+        modal = float(((self.body.frequencies * self._q) ** 2).sum())
+        rest = float(self._force @ (self._residual @ self._force))
+        return self.surface.energy + 0.5 * (modal + rest)
+
+    @property
+    def kinetic_energy(self) -> float:
+        """Of the modes [J]."""
+        return 0.5 * float(self._rate @ self._rate)
+
+    def step(self, poses: Sequence[ArrayLike], dt: float) -> Array:
+        """Advance the body by one step, and return the wrenches on the others.
+
+        Parameters
+        ----------
+        poses : (bodies, 7)
+            Of the bodies at the end of the step.
+        dt : float
+            [s], up to 0.02.
+
+        Returns
+        -------
+        (bodies, 6) array
+            Force [N] and torque about each body's centre [N m]: minus the gradient of the layer's
+            energy, at the displacements at the end of the step; and friction.
+
+        Raises
+        ------
+        AsperityError
+            A pose or the step is wrong, a vertex would move by more than `leap`, or the surface
+            collapses or turns inside out. The body is then at rest again, and there is no force.
+        """
+        require_between("dt", dt, 1e-6, LONGEST_STEP, "s")
+        placed = [require_pose(pose, "pose") for pose in poses]
+        last = self._poses or placed
+        twists = np.array([
+            mean_twist(old, new, dt) for old, new in zip(last, placed, strict=True)
+        ])  # fmt: skip
+        for twist, arm in zip(twists, self.surface.arms(placed), strict=True):
+            twist[:3] += cross(twist[3:], arm)
+        try:
+            self.surface.place(placed, twists)
+            self._advance(dt)
+        except AsperityError:
+            self.reset()
+            raise
+        self._poses = placed
+        return self.surface.wrenches
+
+    def _advance(self, dt: float) -> None:
+        body, omega = self.body, self.body.frequencies
+        slow = 1.0 / (1.0 + 2.0 * self._damping * omega * dt + (dt * omega) ** 2)
+        if dt != self._step:
+            self._step = dt
+            self._yield = (body.modes * (dt * dt * slow)) @ body.modes.T + self._residual
+        rate = (self._rate - dt * omega**2 * self._q) * slow
+        free, pull = np.empty_like(self._u), np.empty_like(rate)
+        displaced(self._modes, self._q + dt * rate, free)
+        force, u = self._implicit(free, dt)
+        if not np.abs(u - self._u).max() <= self._leap:
+            way = np.abs(u - self._u).reshape(-1, 3).max(axis=1)
+            raise AsperityError(
+                f"vertex {int(np.nanargmax(way))} would leap by {np.nanmax(way):.3g} m along an "
+                f"axis in a step of {dt:g} s; valid: at most {self._leap:g} m, with "
+                "slower bodies or a shorter step"
+            )
+        pull_on_modes(self._modes, force, pull)
+        self._rate = rate + dt * slow * pull
+        self._q = self._q + dt * self._rate
+        self._speed = (u - self._u) / dt
+        self._u, self._force = u, force
+        self._refuse_inverted()
+
+    def _implicit(self, free: Array, dt: float) -> tuple[Array, Array]:
+        """Return forces on the vertices and displacements at the end of a step, (3 v,) both.
+
+        `free` are the displacements without contact. By Newton's method: a step that makes the
+        error larger is halved. The contact is left as it is at these displacements.
+        """
+        goal = _STEP_ERROR * self.surface.surface.thickness
+        force = self._force
+        u = _plus(free, self._yield, force)
+        error = self._error(u, free, dt)
+        slipping = 1.0
+        for _ in range(_NEWTON_STEPS):
+            if error <= goal:
+                break
+            better, share = self._solved(free, self._yield, dt, slipping), 1.0
+            target, start = _plus(free, self._yield, better), (u, force)
+            for _ in range(_HALVINGS):
+                u = start[0] + share * (target - start[0])
+                force = start[1] + share * (better - start[1])
+                found = self._error(u, free, dt)
+                if found < error:
+                    break
+                share *= 0.5
+            if found >= error and slipping:
+                # Near the speed at which friction ceases to grow its slope leads astray.
+                (u, force), slipping = start, 0.0
+                found = self._error(u, free, dt)
+            error = found
+        self.error = error
+        return force, u
+
+    def _error(self, u: Array, free: Array, dt: float) -> float:
+        """Return how far displacements are from those that their contact causes [m]."""
+        self._press(u, (u - self._u) / dt)
+        found = _plus(free, self._yield, self.surface.state.force.ravel())
+        return float(np.abs(u - found).max())
+
+    def settle(self, poses: Sequence[ArrayLike], *, most: int = 200) -> Array:
+        """Bring the body to rest under bodies that do not move; return the wrenches on these.
+
+        The energy of body and layer is then least, so the wrenches are minus its gradient with
+        respect to the poses alone.
+
+        Parameters
+        ----------
+        poses : (bodies, 7)
+        most : int
+            Number of Newton steps.
+
+        Raises
+        ------
+        AsperityError
+            It does not come to rest, or the surface collapses or turns inside out. The body is then
+            undeformed, and there is no force.
+        """
+        require_not_negative("most", most)
+        placed = [require_pose(pose, "pose") for pose in poses]
+        try:
+            self.surface.place(placed, np.zeros((len(placed), 6)))
+            self._relax(most)
+        except AsperityError:
+            self.reset()
+            raise
+        self._q = self.body.modes.T @ self._force / self.body.frequencies**2
+        self._rate[:] = self._speed[:] = 0.0
+        self._poses = placed
+        return self.surface.wrenches
+
+    def _relax(self, most: int) -> None:
+        compliance, none = self.body.compliance, np.zeros_like(self._u)
+        goal = _CLOSE * self.surface.surface.thickness
+        force = self._force
+        u = _plus(none, compliance, force)
+        self._press(u, none)
+        energy = self._stored(u, force)
+        for _ in range(most):
+            better = self._solved(none, compliance, np.inf)
+            target = _plus(none, compliance, better)
+            if np.abs(target - u).max() < goal:
+                self._u, self._force = target, better
+                self._press(target, none)
+                self._refuse_inverted()
+                return
+            share = 1.0
+            while True:
+                trial = u + share * (target - u), force + share * (better - force)
+                self._press(trial[0], none)
+                found = self._stored(*trial)
+                if found <= energy * (1.0 + 1e-12) or share < 1e-6:
+                    break
+                share *= 0.5
+            (u, force), energy = trial, found
+        raise AsperityError(f"the elastic body did not come to rest within {most} steps of Newton")
+
+    def _stored(self, u: Array, force: Array) -> float:
+        """Return the energy of body and layer [J]."""
+        return self.surface.energy + 0.5 * float(u @ force)
+
+    def _press(self, u: Array, speed: Array) -> None:
+        shape = self.body.mesh.vertices.shape
+        self.surface.press_at(self.body.mesh.vertices + u.reshape(shape), speed.reshape(shape))
+        self._at = u
+
+    def _solved(self, free: Array, compliance: Array, dt: float, slipping: float = 1.0) -> Array:
+        """Return the forces on the vertices (3 v,) that agree with the displacements they cause.
+
+        `free` are the displacements without them. `slipping`: 1 for the slope of the friction, 0
+        for its ratio to the slip velocity.
+        """
+        state, out = self.surface.state, np.empty_like(free)
+        count = int(state.pressed[-1])
+        faces = self.surface.surface.arrays.faces[state.pressed[:count]]
+        drag = state.damping[:count] - slipping * state.slipping[:count]
+        springs = state.stiffness[:count] + drag / dt
+        agreeing_forces(faces, springs, compliance, free, self._at, state.force.ravel(), out)
+        return out
+
+    def _refuse_inverted(self) -> None:
+        """Refuse a surface that has turned inside out where it is touched."""
+        state, surface = self.surface.state, self.surface.surface
+        touched = state.pressed[: int(state.pressed[-1])]
+        turned = np.einsum("ij,ij->i", state.normal[touched], surface.normals[touched]) <= 0.0
+        if turned.any():
+            raise AsperityError(
+                f"triangle {touched[turned][0]} of {surface.mesh.name!r} has turned inside out: "
+                "the body is pressed harder than a linear one can bear"
+            )
+
+
+def _plus(start: Array, matrix: Array, vector: Array) -> Array:
+    """Return `start` and a symmetric matrix times a vector most of whose numbers are 0."""
+    out = start.copy()
+    add_product(matrix, vector, out)
+    return out

@@ -1,0 +1,88 @@
+"""What kernels of deformable surfaces take: the surface at rest, its state, and how all moves."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from asperity._core.arrays import Array, Indices
+from asperity.contact.soft.press import TaxelArrays
+
+
+class SurfaceArrays(NamedTuple):
+    """A surface at rest: `m` triangles, `v` vertices, `g` shared normals, `n` taxels."""
+
+    faces: Indices
+    """Vertices of each triangle, (m, 3)."""
+    shared: Indices
+    """Number of the normal at each corner, (m, 3)."""
+    members: Indices
+    """Corners, 3 * triangle + 0, 1 or 2, in the order of their normals, (3 m,)."""
+    first_member: Indices
+    """Where those of each normal begin, (g + 1,)."""
+    tilt: Array
+    """Coefficients a, b [1/m] and c [-] of each corner's normal, (m, 3, 3)."""
+    area: Array
+    """Of each triangle [m^2], (m,)."""
+    highest: Array
+    """Largest distance of a ray's ends from the smooth triangle [m], (m,)."""
+    first: Indices
+    """Where the taxels of each triangle begin, (m + 1,)."""
+    weight: Array
+    """Barycentric coordinates of the taxels, (n, 3)."""
+    height: Array
+    """Of the texture at the taxels [m], (n,)."""
+
+
+class SurfaceState(NamedTuple):
+    """What is computed of a surface at one place of its vertices."""
+
+    taxels: TaxelArrays
+    """Places and rays, world axes; of triangles near a body alone."""
+    normal: Array
+    """Of each triangle, (m, 3)."""
+    hat: Array
+    """Gradients of the barycentric coordinates [1/m], (m, 3, 3)."""
+    known: Indices
+    """Tick at which a triangle was computed last, (m,)."""
+    blend: Array
+    """The shared normals, (g, 3)."""
+    length: Array
+    """Of the sums that they were made of, (g,)."""
+    blended: Indices
+    """Tick at which a shared normal was computed last, (g,)."""
+    pull: Array
+    """-dU over the shared normals [N m], (g, 3)."""
+    used: Indices
+    """Numbers of the normals that were computed, and as the last entry how many, (g + 1,)."""
+    hit: Indices
+    """The geom that presses a taxel, (n,)."""
+    pressed: Indices
+    """Numbers of the triangles with a taxel in contact; the last entry: how many; (m + 1,)."""
+    stiffness: Array
+    """Minus the derivative of the forces on the vertices of each triangle of `pressed` by their
+    places [N/m], (m, 9, 9); without that of the normals, nor of N."""
+    damping: Array
+    """Friction over the slip velocities [N s/m], (m, 9, 9)."""
+    slipping: Array
+    """By how much less it grows with the slip velocities [N s/m], (m, 9, 9)."""
+    force: Array
+    """On each vertex: -dU/dx and friction [N], (v, 3)."""
+    wrench: Array
+    """On each body: force [N], torque about its centre [N m], (bodies, 6)."""
+    tick: Indices
+    """Number of the tick, and of a triangle that has collapsed, or -1; (2,)."""
+
+
+class SurfaceMotion(NamedTuple):
+    """Where vertices and bodies are and how they move, world axes."""
+
+    vertices: Array
+    """[m], (v, 3)"""
+    velocities: Array
+    """[m/s], (v, 3)"""
+    origin: Array
+    """About which torques are [m], (3,)."""
+    centres: Array
+    """Points of the bodies [m], (bodies, 3)."""
+    twists: Array
+    """Velocities of these points [m/s] and angular velocities [rad/s], (bodies, 6)."""
