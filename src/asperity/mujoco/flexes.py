@@ -26,6 +26,7 @@ from asperity.mujoco.flex_material import flex_material
 from asperity.mujoco.names import geom_name, resolve, touchable
 from asperity.mujoco.textures import Layer, surface_of
 from asperity.scene.mjcf import GEOMS
+from asperity.texture.friction_map import FrictionMap
 
 _MODULUS, _POISSON, _MOST_POISSON = 1e5, 0.3, 0.45
 """Of a layer [Pa, -] where the flex has none, and the largest ratio that is taken from it."""
@@ -122,6 +123,8 @@ def _flex_surface(
     surface = Surface() if layer.texture is None else surface_of(layer.texture, "triplanar")
     if surface.stiffness is not None:
         raise AsperityError("a flex takes no stiffness; give Layer(texture, modulus=...) [Pa]")
+    if isinstance(surface.friction, FrictionMap):
+        raise AsperityError("a flex takes one number for its friction, not a map")
     if int(model.flex_dim[flex]) == 1:
         raise AsperityError("it is a line (dim 1), which can have no texture; valid: dim 2 or 3")
     if hasattr(model, "flex_passive") and model.flex_passive[flex]:
