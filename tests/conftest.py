@@ -30,8 +30,8 @@ def data() -> Path:
 def pytest_xdist_make_scheduler(config, log):
     """Have one process do a file's tests, which share what is made once, and one all of the page.
 
-    Two pages with their loops and browsers are more than two cores. By the names of the files,
-    since `--dist loadgroup` of pytest-xdist 3.8 does nothing in pytest 9.2.
+    Two pages with their loops and browsers are more than two cores. By the names of the files, as
+    `--dist loadgroup` of pytest-xdist 3.8 does nothing in pytest 9.2.
     """
     from xdist.scheduler import LoadFileScheduling
 

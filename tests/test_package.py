@@ -1,6 +1,6 @@
 """What a newcomer meets first: names, start-up, README, version."""
 
-import os
+import runpy
 import subprocess
 import sys
 import tomllib
@@ -59,10 +59,11 @@ def test_first_force_loads_no_plotting_or_signal_library():
 @pytest.mark.parametrize(
     "path", sorted((ROOT / "examples").glob("[0-9]*.py")), ids=lambda p: p.name
 )
-def test_examples_run(path, tmp_path):
-    environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
-    command = [sys.executable, str(path), *SHORTER.get(path.name, ())]
-    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+def test_examples_run(path, tmp_path, monkeypatch):
+    """In one process, which loads all but once; `test_documents` runs one in its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [str(path), *SHORTER.get(path.name, ())])
+    runpy.run_path(str(path), run_name="__main__")
 
 
 def test_every_module_says_what_it_is():

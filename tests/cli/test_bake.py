@@ -37,7 +37,8 @@ def test_a_scan_is_baked_and_run(tmp_path, capsys):
     assert main(arguments) == 2
     assert "notes.txt in it was not written by asperity" in capsys.readouterr().err
     (out / "notes.txt").unlink()
-    assert main(arguments) == 0
+    assert main([*arguments, "--no-picture"]) == 0
+    assert not (out / "picture.png").exists()
     run = ["run", str(out), "--seconds", "0.05", "--out", str(tmp_path / "run")]
     assert main(run) == 0
     summary = json.loads((tmp_path / "run" / "summary.json").read_text("utf-8"))

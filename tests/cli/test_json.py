@@ -123,7 +123,8 @@ COMMAND_LINES = {
     "predict": ["predict", "a.csv", "--model", "model.csv"],
     "doctor": ["doctor"],
 }  # fmt: skip
-MINUTES = ("demo", "design")
+SLOW = ("demo", "design", "findings")
+"""What takes minutes, or is called just so by a test of its own."""
 OTHER_LINES = [
     ["replay", "run", "--no-open", "--port", "0"],
     ["view", "--simulate", "ball.xml", "--no-open", "--port", "0", "--seconds", "0.2"],
@@ -158,7 +159,7 @@ def test_every_command_has_a_line_here():
 
 
 @pytest.mark.parametrize("name", [
-    pytest.param(name, marks=pytest.mark.slow if name in MINUTES else ()) for name in COMMAND_LINES
+    pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in COMMAND_LINES
 ])  # fmt: skip
 def test_every_command_prints_one_document(name, told, desk, monkeypatch):
     monkeypatch.chdir(desk)

@@ -62,9 +62,10 @@ def compare(cases, report, **look):
     return np.array(errors), np.array(statuses)
 
 
-def test_depth_on_real_maps(data):
-    cases = [on_real_map(data, i, TILTS[i % 4], i) for i in (2, 5, 3)]
-    errors, statuses = compare(cases, "3 real maps", samples=120, zooms=4)
+@pytest.mark.parametrize("maps", [(2, 5), pytest.param((3,), marks=pytest.mark.slow)])
+def test_depth_on_real_maps(data, maps):
+    cases = [on_real_map(data, i, TILTS[i % 4], i) for i in maps]
+    errors, statuses = compare(cases, f"{len(maps)} real maps", samples=120, zooms=4)
     assert errors.max() < ALLOWED
     assert not statuses.any()
 

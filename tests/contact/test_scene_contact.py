@@ -38,7 +38,9 @@ def pose_of(placed):
 
 
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("tilt", [0.0, 10.0, 30.0])
+@pytest.mark.parametrize(
+    "tilt", [10.0, *(pytest.param(tilt, marks=pytest.mark.slow) for tilt in (0.0, 30.0))]
+)
 def test_depth_is_that_of_brute_force_with_the_scenes_own_textures(name, tilt):
     """Of a whole tick, 0.3 mm deep: to 0.5 % of the finer texture's amplitude, and as certified."""
     scene = load_scene(name).changed(force={"anti_alias": "off"})

@@ -94,7 +94,7 @@ def test_two_processes_compile_each_inner_kernel_once(folder):
     assert 2 * _KERNELS + 1 <= sum(int(result[1]) for result in results) <= 2 * _KERNELS + 2
 
 
-@pytest.mark.parametrize("helping", [0, 1, 3])
+@pytest.mark.parametrize("helping", [0, 3, pytest.param(1, marks=pytest.mark.slow)])
 def test_helpers_change_nothing(folder, helping):
     process = _run(folder, helping)
     result = process.communicate(timeout=300)[0].split()

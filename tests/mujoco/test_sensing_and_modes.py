@@ -56,7 +56,7 @@ def test_places_of_taxels_that_cannot_be_used():
     for places in (np.zeros((2, 3)), np.outer(np.arange(4.0), [1, 2, 3]), [[0, 0, np.nan]] * 4):
         with pytest.raises(AsperityError, match="places of taxels must be"):
             textured.Taxels(model, "tip", places)
-    with pytest.raises(AsperityError, match="no geom or body or material named 'palm'"):
+    with pytest.raises(AsperityError, match="no geom or body or material or flex named 'palm'"):
         textured.Taxels(model, "palm", (3, 3))
 
 

@@ -35,9 +35,10 @@ def test_the_interval_has_the_truth_in_it(rho):
 
 
 @pytest.mark.parametrize(("corrected", "lower", "upper"), [(False, 0.0, 0.85), (True, 0.91, 0.99)])
-def test_corrected_intervals_have_the_threshold_in_them(corrected, lower, upper):
+@pytest.mark.parametrize("runs", [50, pytest.param(120, marks=pytest.mark.slow)])
+def test_corrected_intervals_have_the_threshold_in_them(runs, corrected, lower, upper):
     rng, inside = np.random.default_rng(6), 0
-    for _ in range(120):
+    for _ in range(runs):
         x, right = answers(rng, 0.08)
         plain = fit_psychometric(x, right, samples=1, quantities=())
         rho = overdispersion(x, right, plain.function)[0] if corrected else 0.0
@@ -45,7 +46,7 @@ def test_corrected_intervals_have_the_threshold_in_them(corrected, lower, upper)
             x, right, samples=1, quantities=("threshold",), rho=rho, adaptive="constant"
         )
         inside += fit.threshold.low < TRUTH.threshold < fit.threshold.high
-    assert binom.ppf(0.001, 120, lower) <= inside <= binom.ppf(0.999, 120, upper)
+    assert binom.ppf(0.001, runs, lower) <= inside <= binom.ppf(0.999, runs, upper)
 
 
 def test_few_answers_a_level_say_nothing():

@@ -33,7 +33,10 @@ except OutputError as error:
 """
 
 
-@pytest.mark.parametrize("room", [0, 2000, 20_000, 100_000, 400_000, 900_000])
+@pytest.mark.parametrize("room", [
+    0, 20_000, 900_000,
+    *(pytest.param(room, marks=pytest.mark.slow) for room in (2000, 100_000, 400_000)),
+])  # fmt: skip
 def test_it_is_one_line_and_no_signal(room, tmp_path):
     path = tmp_path / "a.h5"
     done = subprocess.run(

@@ -7,6 +7,6 @@ surfaces.step(data)          # in place of mujoco.mj_step
 
 from asperity.mujoco.surfaces import Surfaces, attach
 from asperity.mujoco.taxels import Taxels
-from asperity.mujoco.textures import pattern, texture
+from asperity.mujoco.textures import Layer, pattern, texture
 
-__all__ = ["Surfaces", "Taxels", "attach", "pattern", "texture"]
+__all__ = ["Layer", "Surfaces", "Taxels", "attach", "pattern", "texture"]

@@ -194,7 +194,7 @@ def _carried(
         whole = key[0] != "geom"
         local = np.eye(3, 4) if whole else frame_of(model.geom_pos[first], model.geom_quat[first])
         simple = [
-            _simple(model, geom, surfaces.get(geom) if is_textured else None, whole)
+            simple_geom(model, geom, surfaces.get(geom) if is_textured else None, whole)
             for geom in geoms
             if mujoco.mjtGeom(int(model.geom_type[geom])) in GEOMS
         ]
@@ -212,7 +212,7 @@ def _carried(
     return Carried(body, carrier, local, own, is_flat, is_textured)
 
 
-def _simple(model: mujoco.MjModel, geom: int, surface: Surface | None, whole: bool) -> Geom:
+def simple_geom(model: mujoco.MjModel, geom: int, surface: Surface | None, whole: bool) -> Geom:
     """Return a simple geom, in its body's frame if that is the `whole`, else in its own."""
     kind = GEOMS[mujoco.mjtGeom(int(model.geom_type[geom]))]
     size = model.geom_size[geom]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import mujoco
 import numpy as np
 
 from asperity.errors import AsperityError
-from asperity.mujoco.bodies import CarriedBodies
+from asperity.mujoco.bodies import Carried
 from asperity.mujoco.names import geom_name
 
 _FIELDS = ("geom_size", "geom_pos", "geom_quat", "geom_dataid", "geom_gap")
@@ -15,8 +17,8 @@ _FIELDS = ("geom_size", "geom_pos", "geom_quat", "geom_dataid", "geom_gap")
 class AttachedModel:
     """What asperity has taken from a model, to be compared with the model as it is now."""
 
-    def __init__(self, model: mujoco.MjModel, carried: CarriedBodies) -> None:
-        self._geoms = np.array(sorted({g for one in carried.bodies for g in one.geoms}), np.int64)
+    def __init__(self, model: mujoco.MjModel, bodies: Iterable[Carried]) -> None:
+        self._geoms = np.array(sorted({g for one in bodies for g in one.geoms}), np.int64)
         self._values = {name: getattr(model, name)[self._geoms] for name in _FIELDS}
 
     def check(self, model: mujoco.MjModel) -> None:

@@ -8,13 +8,18 @@ import mujoco
 import numpy as np
 
 from asperity.mujoco.bodies import CarriedBodies
+from asperity.mujoco.flexes import FlexSurface
 from asperity.mujoco.memory import margins
 
-_FIELDS = ("geom_margin", "geom_gap", "pair_margin", "pair_gap", "body_margin")
+_FIELDS = (
+    "geom_margin", "geom_gap", "pair_margin", "pair_gap", "body_margin", "flex_margin", "flex_gap"
+)  # fmt: skip
 
 
-def widen(model: mujoco.MjModel, carried: CarriedBodies) -> Callable[[], None]:
-    """Widen the gaps of textured geoms by the heights of their textures; return what undoes it.
+def widen(
+    model: mujoco.MjModel, carried: CarriedBodies, flexes: tuple[FlexSurface, ...]
+) -> Callable[[], None]:
+    """Widen the gaps of what is textured by the heights of the textures; return what undoes it.
 
     Contacts in the gap are reported, and no force acts on them: what `mj_step` computes does not
     change. Up to MuJoCo 3.9 the gap is the outer part of the margin, which is then wider too.
@@ -22,10 +27,14 @@ def widen(model: mujoco.MjModel, carried: CarriedBodies) -> Callable[[], None]:
     fields = [name for name in _FIELDS if hasattr(model, name)]
     before = {name: np.array(getattr(model, name)) for name in fields}
     known = margins()
-    own = carried.top.copy()
+    own, of_flexes = carried.top.copy(), np.zeros(model.nflex)
+    of_flexes[[one.flex for one in flexes]] = [one.top for one in flexes]
     if not known.adds:  # then the larger of two counts, which has to do for both
-        own[own > 0.0] += float(own.max(initial=0.0))
+        most = max(float(own.max(initial=0.0)), float(of_flexes.max(initial=0.0)))
+        own[own > 0.0] += most
+        of_flexes[of_flexes > 0.0] += most
     own = own[: model.ngeom]
+    _add(model, "flex", of_flexes, known.gap_reaches_out)
     _add(model, "geom", own, known.gap_reaches_out)
     if model.npair:
         both = own[model.pair_geom1] + own[model.pair_geom2]

@@ -1,4 +1,4 @@
-"""Which geoms of a MuJoCo model the names of geoms, bodies and materials mean."""
+"""Which geoms and flexes of a MuJoCo model the names of a user mean."""
 
 from __future__ import annotations
 
@@ -10,28 +10,30 @@ import numpy as np
 
 from asperity.errors import AsperityError, did_you_mean
 
-_KINDS = ("geom", "body", "material")
+_KINDS = ("geom", "body", "material", "flex")
 _OBJECTS = {
     "geom": mujoco.mjtObj.mjOBJ_GEOM,
     "body": mujoco.mjtObj.mjOBJ_BODY,
     "material": mujoco.mjtObj.mjOBJ_MATERIAL,
+    "flex": mujoco.mjtObj.mjOBJ_FLEX,
 }
 _NO_SURFACE = {
     "tendon": (mujoco.mjtObj.mjOBJ_TENDON, "a tendon has no surface"),
-    "flex": (mujoco.mjtObj.mjOBJ_FLEX, "a flex bends, and textures are for rigid geoms"),
     "skin": (mujoco.mjtObj.mjOBJ_SKIN, "a skin is only seen"),
     "site": (mujoco.mjtObj.mjOBJ_SITE, "a site is never touched"),
 }
 
 
 class Named(NamedTuple):
-    """The geoms that one name means, and what the user gave for it."""
+    """The geoms, or the flex, that one name means, and what the user gave for it."""
 
     kind: str
-    """"geom", "body" or "material"."""
+    """"geom", "body", "material" or "flex"."""
     name: str
     geoms: tuple[int, ...]
     value: Any
+    flex: int = -1
+    """Number of the flex."""
 
 
 def touchable(model: mujoco.MjModel) -> np.ndarray:
@@ -49,8 +51,8 @@ def resolve(model: mujoco.MjModel, textures: Mapping[str, Any]) -> list[Named]:
     ----------
     model : mujoco.MjModel
     textures : mapping
-        By the name of a geom, a body or a material; "geom:NAME", "body:NAME" and "material:NAME"
-        where one name means several.
+        By the name of a geom, a body, a material or a flex; "geom:NAME", "body:NAME",
+        "material:NAME" and "flex:NAME" where one name means several.
 
     Raises
     ------
@@ -74,7 +76,10 @@ def _named(model: mujoco.MjModel, name: str, value: Any) -> Named:
             meant[one] = number
     if not meant:
         raise AsperityError(_unknown(model, plain, kinds))
+    if "flex" in meant and len(meant) == 1:
+        return _named_flex(model, meant["flex"], plain, value)
     can_be_touched = touchable(model)
+    flex = [("flex", (-1,))] if meant.pop("flex", None) is not None else []
     sets = {one: _geoms(model, one, number) for one, number in meant.items()}
     useful = {one: [g for g in geoms if can_be_touched[g]] for one, geoms in sets.items()}
     useful = {one: geoms for one, geoms in useful.items() if geoms}
@@ -85,11 +90,23 @@ def _named(model: mujoco.MjModel, name: str, value: Any) -> Named:
             if sets[one]
             else f"{one} {plain!r} has no geoms"
         )
-    if len({tuple(geoms) for geoms in useful.values()}) > 1:
-        choices = " or ".join(f"'{one}:{plain}'" for one in useful)
-        raise AsperityError(f"{plain!r} names a {' and a '.join(useful)}; say {choices}")
+    several = [*useful.items(), *flex]
+    if len({tuple(geoms) for _, geoms in several}) > 1:
+        choices = " or ".join(f"'{one}:{plain}'" for one, _ in several)
+        shown = " and a ".join(one for one, _ in several)
+        raise AsperityError(f"{plain!r} names a {shown}; say {choices}")
     one, geoms = next(iter(useful.items()))
     return Named(one, plain, tuple(geoms), value)
+
+
+def _named_flex(model: mujoco.MjModel, number: int, name: str, value: Any) -> Named:
+    """Return a flex that a name means, unless it takes part in no collisions."""
+    if not (model.flex_contype[number] or model.flex_conaffinity[number]):
+        raise AsperityError(
+            f"flex {name!r} can not be touched (contype and conaffinity are 0); valid: a flex "
+            "that takes part in collisions"
+        )
+    return Named("flex", name, (), value, number)
 
 
 def _geoms(model: mujoco.MjModel, kind: str, number: int) -> list[int]:
@@ -104,7 +121,7 @@ def _unknown(model: mujoco.MjModel, name: str, kinds: tuple[str, ...]) -> str:
     """Return the message about a name that no geom, body or material has."""
     for kind, (number, why) in _NO_SURFACE.items():
         if mujoco.mj_name2id(model, number, name) >= 0:
-            return f"{name!r} is a {kind}: {why}; textures are by geom, body or material"
+            return f"{name!r} is a {kind}: {why}; textures are by geom, body, material or flex"
     known = [n for kind in kinds for n in _names(model, kind)]
     hint = did_you_mean(name, known)
     if not hint and known:
@@ -114,7 +131,9 @@ def _unknown(model: mujoco.MjModel, name: str, kinds: tuple[str, ...]) -> str:
 
 
 def _names(model: mujoco.MjModel, kind: str) -> list[str]:
-    counts = {"geom": model.ngeom, "body": model.nbody, "material": model.nmat}
+    counts = {
+        "geom": model.ngeom, "body": model.nbody, "material": model.nmat, "flex": model.nflex
+    }  # fmt: skip
     names = [mujoco.mj_id2name(model, _OBJECTS[kind], i) for i in range(counts[kind])]
     return [name for name in names if name]
 

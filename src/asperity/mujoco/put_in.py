@@ -18,7 +18,7 @@ from asperity._core.stack import stack_array
 from asperity.mujoco.places import calmness, recall, share_out
 from asperity.mujoco.rows import MARK, Found, Tables
 
-_LEAST_FRICTION = 1e-5
+LEAST_FRICTION = 1e-5
 """As in MuJoCo, which divides by it."""
 
 
@@ -128,7 +128,7 @@ def _own_friction(one, tables):
     if not sliding >= other:
         sliding = other if other == other else sliding
     if sliding == sliding:
-        one.friction[0] = one.friction[1] = max(sliding, _LEAST_FRICTION)
+        one.friction[0] = one.friction[1] = max(sliding, LEAST_FRICTION)
 
 
 class Taken(NamedTuple):

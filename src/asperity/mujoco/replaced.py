@@ -10,6 +10,8 @@ import numpy as np
 
 from asperity._core.kernels import Repeated
 from asperity.contact.body_contact import BodyContact
+from asperity.mujoco.flex_contacts import FlexContacts
+from asperity.mujoco.flexes import FlexSurface
 from asperity.mujoco.memory import contact_records
 from asperity.mujoco.pairs import PairPlan
 from asperity.mujoco.passive import LONGEST, add_forces, warn_of_step
@@ -43,10 +45,16 @@ class Replaced:
         Number of asperity's first contact in `data.contact`, and how many there are.
     placed : PlacedContacts
         Force and stiffness of each.
+    flexes : FlexContacts
+        Those of flexes, which come after them.
     """
 
-    def __init__(self, plan: PairPlan, model: mujoco.MjModel, as_forces: bool) -> None:
+    def __init__(
+        self, plan: PairPlan, flexes: tuple[FlexSurface, ...], model: mujoco.MjModel,
+        as_forces: bool,
+    ) -> None:  # fmt: skip
         self._plan, self._as_forces = plan, as_forces
+        self.flexes = FlexContacts(flexes, plan.tables.friction)
         self._contacts: dict[int, BodyContact] = {}
         self._places: dict[int, Places] = {}
         self._room = plan.room() if plan.pairs else None
@@ -87,6 +95,7 @@ class Replaced:
         if count == 0:
             self._leave(set(), dt)
             self.first = self.count = 0
+            self.flexes.latest = {}
             return
         if self._records is None:
             self._records = contact_records(model, data)
@@ -96,16 +105,20 @@ class Replaced:
         kept, taken, near = self._take(records, count, tables, self._templates, self._found)
         if kept < 0:
             return
+        kept = self.flexes.take(model, records, kept)
+        if kept < 0:
+            return
         pairs = self._found.near[:near].tolist()
         if self._touched and self._touched != set(pairs):
             self._leave(set(pairs), dt)
         self.first, self.count = kept, 0
-        if not taken:
+        if not taken and not self.flexes.has_taken:
             return
         total = kept
         for number in pairs:
             total = self._add(data, number, dt, total, kept, taken)
         self.count = total - kept
+        total = self.flexes.add(model, data, records, total)
         data.ncon = kept if self._as_forces else total
         if self._as_forces:  # before the constraints take the room of these contacts
             self._push(model, data, dissipation)
@@ -117,6 +130,8 @@ class Replaced:
             )  # fmt: skip
             if which >= 0 and mass > LIGHT:
                 self._tell(data, which, mass, step)
+        if data.nefc:
+            self.flexes.constrain(model, data, records, dissipation)
         mujoco.mj_island(model, data)
         if self._sticks:
             mujoco.mj_transmission(model, data)

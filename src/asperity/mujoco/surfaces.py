@@ -25,6 +25,8 @@ from asperity.contact.response.settings import ForceSettings
 from asperity.errors import AsperityError, require_choice, require_not_negative, require_positive
 from asperity.mujoco.bodies import carried_bodies
 from asperity.mujoco.changes import AttachedModel
+from asperity.mujoco.flex_contacts import FlexContact
+from asperity.mujoco.flexes import flex_surfaces
 from asperity.mujoco.installed import call, callback, original, replaced_functions
 from asperity.mujoco.margins import widen
 from asperity.mujoco.memory import contact_type
@@ -38,6 +40,7 @@ _NODES = 100
 """Boxes that a search looks at: along a path the deepest place is found so, but not proved."""
 _PASSIVE = ("mjDSBL_SPRING", "mjDSBL_DAMPER", "mjDSBL_PASSIVE")
 """Flags without which there are no passive forces; the last one alone in older versions."""
+_DISCRETE = int(getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1))
 _NO_PASSIVE = sum(int(getattr(mujoco.mjtDisableBit, name, 0)) for name in _PASSIVE)
 
 
@@ -50,19 +53,19 @@ def attach(
     mode: str = "contacts",
     settings: ForceSettings | None = None,
 ) -> Surfaces:
-    """Give geoms of a model textures.
+    """Give geoms and flexes of a model textures.
 
     Parameters
     ----------
     model : mujoco.MjModel
-        Its textured geoms get a wider `geom_gap`, so that MuJoCo reports them to each other before
-        they touch; what `mj_step` computes without textures stays the same.
+        Its textured geoms and flexes get a wider gap, so that MuJoCo reports them to each other
+        before they touch; what `mj_step` computes without textures stays the same.
     textures : mapping
-        By the name of a geom, a body or a material ("geom:NAME" and so on where that is not
-        clear); what is particular goes before what is general. Values: see `texture`, `pattern`;
-        a `HeightField`, (array, pixel size [m]), the path of an image, a text such as
-        "knurl:0.8mm". Or the path of a TOML file with tables `[textures.NAME]`; or None, for those
-        in the model's `<custom>` texts (`model_textures`).
+        By the name of a geom, a body, a material or a flex ("geom:NAME" and so on where that is
+        not clear); what is particular goes before what is general. Values: see `texture`,
+        `pattern`; a `HeightField`, (array, pixel size [m]), the path of an image, a text such as
+        "knurl:0.8mm"; of a flex also a `Layer`. Or the path of a TOML file with tables
+        `[textures.NAME]`; or None, for those in the model's `<custom>` texts (`model_textures`).
     stiffness : float
         k of a contact [N/m], 1e-6 to 1e9: pressed with F it is F / k deep.
     dissipation : float
@@ -92,7 +95,7 @@ def attach(
 
 
 class TexturedContacts(NamedTuple):
-    """Textured contacts of one `MjData`."""
+    """Textured contacts of one `MjData`, but for those of flexes (`Surfaces.flex_contact`)."""
 
     numbers: NDArray[np.int64]
     """Which of `data.contact` they are, (n,)."""
@@ -135,12 +138,19 @@ class Surfaces:
         elif isinstance(textures, str | os.PathLike):
             textures = textures_of_file(textures)
         carried = carried_bodies(model, textures)
-        self.notes, self.bodies = carried.notes, carried.bodies
+        self._flexes, notes = flex_surfaces(model, textures, carried)
+        if self._flexes and mode == "passive":
+            raise AsperityError(
+                f"mode 'passive' has no textures for flexes, but {self._flexes[0].name} was given "
+                "one; valid: 'contacts'"
+            )
+        self.notes, self.bodies = (*carried.notes, *notes), carried.bodies
         for note in self.notes:
             _logger.info("%s", note)
         self._plan = PairPlan(model, carried, chosen)
-        self._undo = widen(model, carried)
-        self._snapshot = AttachedModel(model, carried)
+        self._undo = widen(model, carried, self._flexes)
+        met = [one for flex in self._flexes for group in flex.bodies.values() for one in group]
+        self._snapshot = AttachedModel(model, [*carried.bodies, *met])
         self._states: weakref.WeakKeyDictionary[mujoco.MjData, Replaced] = (
             weakref.WeakKeyDictionary()
         )
@@ -193,6 +203,22 @@ class Surfaces:
             numbers, sign * state.placed.slip[:count], state.placed.push[:count].copy()
         )
 
+    def flex_contact(self, data: mujoco.MjData, name: str) -> FlexContact:
+        """Return the contact of a textured flex with all geoms in the last step of `data`.
+
+        Raises
+        ------
+        AsperityError
+            No flex of that name has a texture.
+        """
+        known = {one.name: one.flex for one in self._flexes}
+        flex = known[f"flex {require_choice('flex', name, [one[6:-1] for one in known])!r}"]
+        state = self._states.get(data)
+        found = None if state is None else state.flexes.latest.get(flex)
+        return found or FlexContact(
+            np.zeros((int(self.model.flex_vertnum[flex]), 3)), 0.0, np.zeros(0, np.int64)
+        )
+
     @contextlib.contextmanager
     def installed(self, *, callback_too: bool = False) -> Iterator[Surfaces]:
         """Make loops that nobody changes feel the textures of this model, while the block runs.
@@ -226,12 +252,19 @@ class Surfaces:
         """Replace the contacts of textured pairs in `data`, unless that is done already."""
         state = self._states.get(data)
         if state is None:
-            state = self._states[data] = Replaced(self._plan, model, self.mode == "passive")
+            state = self._states[data] = Replaced(
+                self._plan, self._flexes, model, self.mode == "passive"
+            )
         if state.is_new(data.time):
             self._snapshot.check(model)
         state.replace(model, data, self._dissipation)
 
     def _refuse_without_callback(self) -> None:
+        if int(self.model.opt.integrator) == _DISCRETE:
+            raise AsperityError(
+                "the integrator 'discrete' leaves no room for textured contacts among its "
+                "constraints; valid: Euler, RK4, implicit, implicitfast"
+            )
         if int(self.model.opt.disableflags) & _NO_PASSIVE == _NO_PASSIVE:
             raise AsperityError(
                 "the model disables springs and dampers (in MuJoCo 3.3: passive forces), through "

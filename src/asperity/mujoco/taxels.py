@@ -46,7 +46,10 @@ class Taxels:
         spread: float | None = None,
     ) -> None:  # fmt: skip
         self._model = model
-        self._geoms = np.array(resolve(model, {name: None})[0].geoms)
+        named = resolve(model, {name: None})[0]
+        if named.kind == "flex":
+            raise AsperityError(f"{name!r} is a flex; taxels lie on a geom or a body")
+        self._geoms = np.array(named.geoms)
         self.body = int(model.geom_bodyid[self._geoms[0]])
         if isinstance(places, tuple) and len(places) == 2:
             places = surface_grid(model, int(self._geoms[0]), *places)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +95,32 @@ def texture(
     return placed if mapping is not None else PlacedTexture(placed)
 
 
+@dataclass(frozen=True)
+class Layer:
+    """The texture of a flex, and the elastic layer between its elements and its surface.
+
+    Parameters
+    ----------
+    texture
+        What a geom may be given too, see `texture`; without a stiffness. None: smooth.
+    thickness : float, optional
+        Of the layer [m]. By default the flex's radius; without one a quarter of its edges' median.
+    modulus, poisson : float, optional
+        Young's modulus [Pa] and Poisson's ratio [-] of the layer. By default those of the flex's
+        own elasticity (of a sheet as if it were two radii thick), the ratio at most 0.45; without
+        elasticity 1e5 Pa and 0.3.
+    pitch : float, optional
+        Distance between the taxels [m]. By default an eighth of the edges' median, or a quarter of
+        the shortest wave that touches if this is less, but so that there are at most 100,000.
+    """
+
+    texture: Any = None
+    thickness: float | None = None
+    modulus: float | None = None
+    poisson: float | None = None
+    pitch: float | None = None
+
+
 class PlacedTexture:
     """A surface whose mapping is that which is usual for the geom it is put on."""
 
@@ -142,6 +169,8 @@ def surface_of(value: Any, usual_mapping: str) -> Surface:
         return Surface(old.texture, usual_mapping, old.offset, old.friction, old.stiffness)
     if isinstance(value, Surface):
         return value
+    if isinstance(value, Layer):
+        raise AsperityError("a Layer is for flexes; give a geom its texture alone")
     return Surface(height_field(value), usual_mapping)
 
 

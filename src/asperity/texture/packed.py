@@ -227,7 +227,9 @@ def _halves(k: list[Array]) -> tuple[list[Array], list[Array]]:
     # The left half begins, the right half ends the rows of means.
     left, right = [k[0]], [k[-1]]
     while len(k) > 1:
-        k = [0.5 * (one + two) for one, two in itertools.pairwise(k)]
+        k = [one + two for one, two in itertools.pairwise(k)]
+        for mean in k:
+            mean *= 0.5
         left.append(k[0])
         right.append(k[-1])
     return left, right[::-1]

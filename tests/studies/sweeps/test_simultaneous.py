@@ -11,7 +11,6 @@ from asperity.errors import OutputError
 from asperity.scene.document import write_toml
 from asperity.studies.sweeps.store import open_sweep
 
-SWEEPS = 20
 _CHILD = """
 import sys, time
 from pathlib import Path
@@ -30,9 +29,10 @@ except AsperityError as error:
 """
 
 
-def test_of_many_that_start_at_once_one_runs(tmp_path):
+@pytest.mark.parametrize("sweeps", [8, pytest.param(20, marks=pytest.mark.slow)])
+def test_of_many_that_start_at_once_one_runs(sweeps, tmp_path):
     path, children = tmp_path / "a.zarr", []
-    for i in range(SWEEPS):
+    for i in range(sweeps):
         # Every second one has another study.
         study = tmp_path / f"{i}.toml"
         vary = {"speed": [0.05, 0.1], "spacing": [1e-3, 2e-3 + i % 2 * 1e-3]}

@@ -52,6 +52,8 @@ class DeformableSurface:
         Position of the map [m]; see `Body`.
     friction : float
         Coulomb's coefficient [-], 0 to 100; see `SkinContact`.
+    rise : float
+        Distance of the texture's zero level from the mesh, outwards [m], 0 to 1.
 
     Raises
     ------
@@ -72,11 +74,13 @@ class DeformableSurface:
         mapping: str = "triplanar",
         offset: Sequence[float] = (0.0, 0.0),
         friction: float = 0.0,
+        rise: float = 0.0,
     ) -> None:
         require_between("thickness", thickness, 1e-6, 1.0, "m")
         require_between("modulus", modulus, 1.0, 1e13, "Pa")
         require_positive("pitch", pitch, "m")
         require_between("friction", friction, 0.0, 100.0)
+        self._rise = require_between("rise", rise, 0.0, 1.0, "m")
         self.mesh, self.thickness, self.friction = mesh, float(thickness), float(friction)
         self.stiffness_per_area = foundation_modulus(modulus, poisson, thickness)
         """K, pressure over compression [Pa/m]; see `foundation_modulus`."""
@@ -127,6 +131,7 @@ class DeformableSurface:
             parts = np.broadcast_to(_centroids(side), (len(faces), side**2, 3))
             rows = first[faces][:, None] + np.arange(side**2)
             weight[rows], height[rows] = parts, relief.heights(faces, parts)[0]
+        height += self._rise
         highest = np.maximum.reduceat(np.abs(height), first[:-1]) + self.thickness
         shared = _shared_normals(mesh)
         members = np.argsort(shared.ravel(), kind="stable")
