@@ -46,9 +46,11 @@ class DemoCommand:
         drags, rubs, ticks = steps(settings)
         announce_compiling("mesh_tick")
         studies = compile_notice(
-            "studies", "dynamics.dragged_hand.periodic_motion", "drag_until_repeat"
+            "studies", ("dynamics.dragged_hand.periodic_motion", "drag_until_repeat")
         )
-        scenes = compile_notice("scenes", "contact.mesh_tick", "mesh_tick")
+        scenes = compile_notice(
+            "scenes", ("contact.geom_tick", "tick"), ("contact.mesh_tick", "mesh_tick")
+        )
         with result_folder(self.out / "demo", overwrite=self.overwrite) as folder:
             with progress_bars() as bars:
                 first = bars.add_task(studies, total=drags)

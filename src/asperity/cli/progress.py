@@ -78,8 +78,12 @@ def _lines(display: Progress) -> Iterator[None]:
         thread.join()
 
 
-def compile_notice(what: str, module: str, function: str) -> str:
-    """Return the description of a bar, which mentions that a kernel has to be compiled first."""
+def compile_notice(what: str, *kernels: tuple[str, str]) -> str:
+    """Return the description of a bar, which mentions that a kernel has to be compiled first.
+
+    `kernels` are their modules and names, as for `is_compiled`.
+    """
     from asperity._core.kernels import is_compiled
 
-    return what if is_compiled(module, function) else f"{what} (compiling first)"
+    is_ready = all(is_compiled(module, name) for module, name in kernels)
+    return what if is_ready else f"{what} (compiling first)"

@@ -123,7 +123,7 @@ class StudyCommand:
             simulator = settings.simulator()
             with progress_bars() as bars:
                 notice = compile_notice(
-                    "studies", "dynamics.dragged_hand.periodic_motion", "drag_until_repeat"
+                    "studies", ("dynamics.dragged_hand.periodic_motion", "drag_until_repeat")
                 )
                 task = bars.add_task(notice, total=total)
                 results = {
@@ -162,7 +162,7 @@ class StudyCommand:
         with result_folder(out, overwrite=self.overwrite) as folder:
             with progress_bars() as bars:
                 notice = compile_notice(
-                    "plates", "dynamics.dragged_hand.periodic_motion", "drag_until_repeat"
+                    "plates", ("dynamics.dragged_hand.periodic_motion", "drag_until_repeat")
                 )
                 task = bars.add_task(notice, total=total)
                 result = run_ensemble(settings, progress=lambda: bars.advance(task))

@@ -127,7 +127,9 @@ def test_rules_can_fail():
 
 @pytest.mark.usefixtures("result")
 def test_after_a_run_no_notice_says_that_it_compiles_first():
-    notice = compile_notice("plates", "dynamics.dragged_hand.periodic_motion", "drag_until_repeat")
+    notice = compile_notice(
+        "plates", ("dynamics.dragged_hand.periodic_motion", "drag_until_repeat")
+    )
     assert notice == "plates"
 
 
