@@ -149,7 +149,7 @@ class MultibodySolver:
                 contact.leave(dt)
                 continue
             turn, move = _motion(self._home[others[0]], frames[others[0]])
-            pose = _pose(turn.T @ frames[body, :, :3], turn.T @ (frames[body, :, 3] - move))
+            pose = frame_pose(turn.T @ frames[body, :, :3], turn.T @ (frames[body, :, 3] - move))
             found = contact.wrench_at(pose, dt, candidates, lambda: candidates)
             wrench = np.concatenate([turn @ found[:3], turn @ found[3:]])
             contact.turn_to_world(turn, move)
@@ -197,7 +197,7 @@ def _motion(
     return turn, frame[:, 3] - turn @ home[:, 3]
 
 
-def _pose(turn: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+def frame_pose(turn: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the pose (7,) of a frame."""
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, turn.ravel())

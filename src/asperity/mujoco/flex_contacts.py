@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.contact.deformable.surface_contact import SurfaceContact
+from asperity.contact.multibody import frame_pose
 from asperity.mujoco.bodies import Carried
 from asperity.mujoco.flex_rows import Springs, set_rows
 from asperity.mujoco.flexes import FlexSurface
@@ -200,12 +201,8 @@ class FlexContacts:
 
 def _pose(data: mujoco.MjData, carried: Carried) -> NDArray[np.float64]:
     """Return the pose of a body in the world (7,)."""
-    turn, pose = data.xmat[carried.carrier].reshape(3, 3), np.empty(7)
-    pose[:3] = data.xpos[carried.carrier] + turn @ carried.local[:, 3]
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, (turn @ carried.local[:, :3]).ravel())
-    pose[3:] = quaternion
-    return pose
+    turn, local = data.xmat[carried.carrier].reshape(3, 3), carried.local
+    return frame_pose(turn @ local[:, :3], data.xpos[carried.carrier] + turn @ local[:, 3])
 
 
 def _fill(

@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array
 from asperity.errors import (
     AsperityError,
     SurfaceError,
     require_between,
-    require_choice,
     require_finite,
 )
 from asperity.texture.files.arrays import ARRAY_SUFFIXES, GREY_LEVELS
@@ -27,15 +26,15 @@ from asperity.texture.files.checks import checked_grid, checked_pixel_size
 from asperity.texture.files.images import IMAGE_SUFFIXES
 from asperity.texture.files.reading import TEXT_SUFFIXES, load_stored
 from asperity.texture.files.stored import NO_UNIT, Stored
-from asperity.texture.height_field import BORDERS
+from asperity.texture.sampled_map import SampledMap
 
 MOST_FRICTION = 100.0
 """Largest coefficient of friction [-]."""
 _PAD = {"clamp": "symmetric", "wrap": "wrap"}
 
 
-@dataclass(frozen=True, eq=False)
-class FrictionMap:
+@dataclass(frozen=True, eq=False, init=False)
+class FrictionMap(SampledMap):
     """Coulomb's coefficient of friction over a plane, linear between samples.
 
     Parameters
@@ -56,24 +55,21 @@ class FrictionMap:
         Invalid samples, pixel size or border; one line.
     """
 
-    samples: Array = field(repr=False)
-    pixel_size: float | Sequence[float]
-    border: str = "clamp"
-    notes: Sequence[str] = ()
-
-    def __post_init__(self) -> None:
-        samples = checked_grid(self.samples)
-        least, most = float(samples.min()), float(samples.max())
+    def __init__(
+        self,
+        samples: ArrayLike,
+        pixel_size: float | Sequence[float],
+        border: str = "clamp",
+        notes: Sequence[str] = (),
+    ) -> None:
+        coefficients = checked_grid(samples)
+        least, most = float(coefficients.min()), float(coefficients.max())
         if least < 0.0 or most > MOST_FRICTION:
             wrong = least if least < 0.0 else most
             raise SurfaceError(
                 f"coefficients of friction must lie between 0 and {MOST_FRICTION:g}, got {wrong:g}"
             )
-        require_choice("border", self.border, BORDERS)
-        samples.setflags(write=False)
-        object.__setattr__(self, "samples", samples)
-        object.__setattr__(self, "pixel_size", checked_pixel_size(self.pixel_size))
-        object.__setattr__(self, "notes", tuple(self.notes))
+        super().__init__(coefficients, checked_pixel_size(pixel_size), border, notes)
 
     @classmethod
     def from_file(
@@ -129,23 +125,6 @@ class FrictionMap:
         extent = " x ".join(f"{1e3 * length:.4g}" for length in found.size)
         note = f"friction {found.lowest:.4g} to {found.highest:.4g}, a map of {extent} mm"
         return replace(found, notes=(*_notes_of(stored), note))
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Extent of the map along u and v [m]."""
-        pixel_u, pixel_v = checked_pixel_size(self.pixel_size)
-        rows, columns = self.samples.shape
-        return columns * pixel_u, rows * pixel_v
-
-    @cached_property
-    def lowest(self) -> float:
-        """Least coefficient [-]."""
-        return float(self.samples.min())
-
-    @cached_property
-    def highest(self) -> float:
-        """Largest coefficient [-]."""
-        return float(self.samples.max())
 
     @property
     def coefficients(self) -> Array:

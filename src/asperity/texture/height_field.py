@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -30,10 +30,10 @@ from asperity.texture.files.checks import (
 )
 from asperity.texture.files.doubts import DOUBT, doubts
 from asperity.texture.files.reading import read_heights
+from asperity.texture.sampled_map import BORDERS, SampledMap
 from asperity.texture.spectrum import Spectrum
 from asperity.texture.spline import evaluate_2d, spline_coefficients
 
-BORDERS = ("wrap", "clamp")
 KINDS = ("height", "normal", "normal-opengl", "normal-directx")
 _OF_HEIGHTS = ("refuse", None, "smooth", None, None, None)
 """Defaults of the options that normal maps do not have."""
@@ -53,7 +53,7 @@ class Derivatives(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class HeightField:
+class HeightField(SampledMap):
     """Heights over a plane, as a smooth surface.
 
     Parameters
@@ -75,11 +75,6 @@ class HeightField:
         Invalid samples, pixel size or border; one line.
     """
 
-    samples: Array = field(repr=False)
-    pixel_size: tuple[float, float]
-    border: str
-    notes: tuple[str, ...]
-
     def __init__(
         self,
         samples: ArrayLike,
@@ -87,15 +82,8 @@ class HeightField:
         border: str = "clamp",
         notes: Sequence[str] = (),
     ) -> None:
-        heights = checked_samples(samples)
-        sizes = checked_pixel_size(pixel_size)
-        require_choice("border", border, BORDERS)
-        check_steepness(heights, sizes, border)
-        heights.setflags(write=False)
-        object.__setattr__(self, "samples", heights)
-        object.__setattr__(self, "pixel_size", sizes)
-        object.__setattr__(self, "border", border)
-        object.__setattr__(self, "notes", tuple(notes))
+        super().__init__(checked_samples(samples), checked_pixel_size(pixel_size), border, notes)
+        check_steepness(self.samples, self.pixel_size, border)
 
     @classmethod
     def from_file(
@@ -181,22 +169,6 @@ class HeightField:
             return cls(samples, pixels, border, notes)
         except SurfaceError as error:
             raise SurfaceError(f"{path}: {error}") from None
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Extent of the map along u and v [m]."""
-        rows, columns = self.samples.shape
-        return columns * self.pixel_size[0], rows * self.pixel_size[1]
-
-    @cached_property
-    def lowest(self) -> float:
-        """Lowest sample [m]; between samples the surface may be slightly lower."""
-        return float(self.samples.min())
-
-    @cached_property
-    def highest(self) -> float:
-        """Highest sample [m]; between samples the surface may be slightly higher."""
-        return float(self.samples.max())
 
     @property
     def relief(self) -> float:

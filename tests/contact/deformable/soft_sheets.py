@@ -6,20 +6,10 @@ from asperity.contact.deformable.elastic_body import elastic_body
 from asperity.contact.deformable.surface import DeformableSurface
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.mesh.mesh import mesh_from_arrays
-from asperity.texture.height_field import HeightField
+from rough_maps import bumps
 
 LAYER = {"thickness": 3e-3, "modulus": 5e4, "pitch": 4e-4}
 TURN = (0.9, 0.3, -0.2, np.sqrt(1.0 - 0.94))
-
-
-def bumps(seed=0, rms=4e-5):
-    """Return a random wrapped texture with waves of 1 mm and more."""
-    rng = np.random.default_rng(seed)
-    n, size = 96, 6e-3
-    k = np.fft.fftfreq(n) * n
-    keep = np.hypot(k[:, None], k[None, :]) <= 6
-    heights = np.fft.ifft2(np.fft.fft2(rng.standard_normal((n, n))) * keep).real
-    return HeightField(heights * (rms / heights.std()), pixel_size=size / n)
 
 
 def sheet(n=13, half=15e-3, height=lambda x, y: 0.0 * x):

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from soft_sheets import bumps, sheet, slab, soft_slab, surface_on, tool
+from soft_sheets import sheet, slab, soft_slab, surface_on, tool
 
 from asperity.contact.deformable.elastic_body import elastic_body, tetrahedra_in
 from asperity.contact.deformable.elastic_contact import ElasticContact
@@ -12,6 +12,7 @@ from asperity.contact.deformable.surface import DeformableSurface
 from asperity.contact.deformable.surface_contact import SurfaceContact
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.mesh.mesh import mesh_from_arrays
+from rough_maps import bumps
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 TIP = Body("tip", [Geom("sphere", (5e-3,))], bumps(5), "triplanar")

@@ -4,13 +4,14 @@ import itertools
 
 import numpy as np
 import pytest
-from soft_sheets import LAYER, TURN, bumps, sheet, surface_on, tool, wavy
+from soft_sheets import LAYER, TURN, sheet, surface_on, tool, wavy
 
 from asperity.contact.deformable.surface_contact import SurfaceContact
 from asperity.contact.soft.skin import SoftSkin
 from asperity.contact.soft.skin_contact import SkinContact
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.poses import rotated, rotation_of
+from rough_maps import bumps
 
 POSE = np.array([1e-3, -2e-3, 5.3e-3, *TURN])
 CENTRE = (1e-3, 2e-3, 3e-3)

@@ -8,21 +8,11 @@ from asperity.contact.soft.skin import SoftSkin
 from asperity.contact.soft.skin_contact import SkinContact
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.poses import rotated, rotation_between, rotation_of
-from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.patterns import sinusoid
+from rough_maps import bumps
 
 AT_ORIGIN = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 TURN = (0.9, 0.3, -0.2, np.sqrt(1.0 - 0.94))
-
-
-def bumps(seed=0):
-    """Return a random wrapped texture of 40 um rms with waves of 1 mm and more."""
-    rng = np.random.default_rng(seed)
-    n, size = 96, 6e-3
-    k = np.fft.fftfreq(n) * n
-    keep = np.hypot(k[:, None], k[None, :]) <= 6
-    heights = np.fft.ifft2(np.fft.fft2(rng.standard_normal((n, n))) * keep).real
-    return HeightField(heights * (4e-5 / heights.std()), pixel_size=size / n)
 
 
 def targets():

@@ -339,4 +339,4 @@ def _reduced(stiffness: Any, mass: Any, onto: Any, count: int) -> tuple[Array, A
     for first in range(0, rows, 128):
         block = slice(first, first + 128)
         compliance[:, block] = onto @ factor.solve(onto[block].T.toarray())
-    return onto @ shapes, np.sqrt(squares), 0.5 * (compliance + compliance.T)
+    return np.ascontiguousarray(onto @ shapes), np.sqrt(squares), 0.5 * (compliance + compliance.T)

@@ -87,7 +87,6 @@ class ElasticContact:
         self._leap = surface.thickness if leap is None else float(leap)
         self._residual = body.residual
         self._step, self._yield = 0.0, np.zeros((0, 0))
-        self._modes = np.ascontiguousarray(body.modes)
         self.reset()
 
     def reset(self) -> None:
@@ -170,7 +169,7 @@ class ElasticContact:
             self._yield = (body.modes * (dt * dt * slow)) @ body.modes.T + self._residual
         rate = (self._rate - dt * omega**2 * self._q) * slow
         free, pull = np.empty_like(self._u), np.empty_like(rate)
-        displaced(self._modes, self._q + dt * rate, free)
+        displaced(body.modes, self._q + dt * rate, free)
         force, u = self._implicit(free, dt)
         if not np.abs(u - self._u).max() <= self._leap:
             way = np.abs(u - self._u).reshape(-1, 3).max(axis=1)
@@ -179,7 +178,7 @@ class ElasticContact:
                 f"axis in a step of {dt:g} s; valid: at most {self._leap:g} m, with "
                 "slower bodies or a shorter step"
             )
-        pull_on_modes(self._modes, force, pull)
+        pull_on_modes(body.modes, force, pull)
         self._rate = rate + dt * slow * pull
         self._q = self._q + dt * self._rate
         self._speed = (u - self._u) / dt

@@ -25,14 +25,16 @@ from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.stack import stack_array
 from asperity.contact.soft.layer import layer_pressure
 from asperity.contact.soft.press import (
-    GRAZING,
     SLIP_SPEED,
     add_taxel,
+    clear_sums,
+    complete_sums,
     deepest,
+    fill_exit,
     fill_relative,
+    reaches,
     take_across,
 )
-from asperity.contact.soft.sheets import sheet_at
 
 COLLAPSED = 1e-4
 """Least area of a triangle, over that at rest."""
@@ -103,22 +105,7 @@ def _is_near(solids, relative, surface, x, f):
         for i in range(3):
             far += (x[surface.faces[f, corner], i] - middle[i]) ** 2
         radius = max(radius, far)
-    return _reaches(solids, relative, middle, math.sqrt(radius) + surface.highest[f])
-
-
-@inner_kernel
-def _reaches(solids, relative, x, radius):
-    """Return whether a solid may come within a distance of a point (3,), world axes."""
-    for g in range(relative.shape[0]):
-        far = 0.0
-        for i in range(3):
-            along = relative[g, i, 3]
-            for j in range(3):
-                along += relative[g, i, j] * x[j]
-            far += along * along
-        if far <= (solids.bound[g] + radius) ** 2:
-            return True
-    return False
+    return reaches(solids, relative, middle, math.sqrt(radius) + surface.highest[f])
 
 
 @inner_kernel
@@ -229,7 +216,7 @@ def _add_blocks(surface, state, row, t, m, slip, springs):
 
 
 @inner_kernel
-def _turn_normals(surface, state, x):
+def _turn_normals(surface, state):
     """Add to the vertices what pulls at the normals."""
     last = state.used.size - 1
     for k in range(state.used[last]):
@@ -261,25 +248,20 @@ def _clear(surface, state, out):
         f = state.pressed[row]
         for t in range(surface.first[f], surface.first[f + 1]):
             out.compression[t] = 0.0
-            state.hit[t] = -1
             for i in range(3):
                 out.force[t, i] = out.traction[t, i] = 0.0
         for i in range(9):
             for j in range(9):
                 state.stiffness[row, i, j] = state.damping[row, i, j] = 0.0
                 state.slipping[row, i, j] = 0.0
+    state.force[:] = 0.0
+    state.wrench[:] = 0.0
     state.pressed[last] = 0
     state.used[state.used.size - 1] = 0
     state.tick[0] += 1
     state.tick[1] = -1
-    for i in range(6):
-        out.wrench[i] = out.damped[i] = 0.0
-        for j in range(6):
-            out.stiffness[i, j] = out.damping[i, j] = 0.0
-    for i in range(5):
-        out.push[i] = 0.0
+    clear_sums(out)
     out.pressed[out.pressed.size - 1] = 0
-    out.energy[0] = 0.0
 
 
 @kernel
@@ -296,18 +278,17 @@ def press_surface(solids, surface, friction, motion, state, out):
     motion : SurfaceMotion
     state : SurfaceState
     out : SkinOutput
-        Wrench, stiffness and damping are those of the surface about `motion.origin`.
+        Wrench, stiffness and damping are those of the surface about the first of the bodies'
+        centres.
     """
     x, taxels = motion.vertices, state.taxels
     relative, still = np.empty((solids.frames.shape[0], 3, 4)), np.zeros((3, 4))
-    normal, m, best_x, best_d = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    m, best_x, best_d = np.empty(3), np.empty(3), np.empty(3)
     slip = np.empty(6)
     for i in range(3):
         still[i, i] = 1.0
     fill_relative(solids.frames, still, relative)
     _clear(surface, state, out)
-    state.force[:] = 0.0
-    state.wrench[:] = 0.0
     last, count = state.pressed.size - 1, 0
     for f in range(surface.faces.shape[0]):
         if not _is_near(solids, relative, surface, x, f):
@@ -321,7 +302,7 @@ def press_surface(solids, surface, friction, motion, state, out):
                 point[i] = 0.0
                 for corner in range(3):
                     point[i] += surface.weight[t, corner] * x[surface.faces[f, corner], i]
-            if not _reaches(solids, relative, point, surface.highest[f]):
+            if not reaches(solids, relative, point, surface.highest[f]):
                 continue
             length = _lay(surface, state, x, f, t)
             depth, hit, face = deepest(solids, relative, taxels, t, best_x, best_d)
@@ -331,20 +312,13 @@ def press_surface(solids, surface, friction, motion, state, out):
                 row = state.pressed[last]
                 state.pressed[row] = f
                 state.pressed[last] += 1
-            out.pressed[count], out.compression[t], state.hit[t] = t, depth, hit
+            out.pressed[count], out.compression[t] = t, depth
             count += 1
             _lay_along(surface, state, x, f, t)
-            sheet_at(solids, hit, face, best_x, normal)
-            rate = normal[0] * best_d[0] + normal[1] * best_d[1] + normal[2] * best_d[2]
-            rate = max(rate, GRAZING)
-            for i in range(3):
-                m[i], out.point[t, i] = 0.0, solids.frames[hit, i, 3]
-                for j in range(3):
-                    m[i] += solids.frames[hit, i, j] * normal[j] / rate
-                    out.point[t, i] += solids.frames[hit, i, j] * best_x[j]
+            fill_exit(solids, hit, face, (best_x, best_d), out.point[t], m)
             body = solids.geometry.body[hit]
             _slip(surface, motion, f, t, body, out.point[t], slip)
-            out.energy[0] += add_taxel(t, taxels, friction, still, motion.origin, m, slip, out)
+            out.energy[0] += add_taxel(t, taxels, friction, still, motion.centres[0], m, slip, out)
             _push_body(motion, state, out, t, body)
             pressure, slope, _ = layer_pressure(taxels.modulus[t], taxels.thickness[t], depth)
             area = taxels.area[t]
@@ -353,9 +327,5 @@ def press_surface(solids, surface, friction, motion, state, out):
             springs = (slope * area, drag, slope / pressure)
             _add_blocks(surface, state, row, t, m, slip, springs)
     out.pressed[out.pressed.size - 1] = count
-    _turn_normals(surface, state, x)
-    for i in range(6):
-        out.wrench[i] += out.damped[i]
-        for j in range(i):
-            out.stiffness[j, i] = out.stiffness[i, j]
-            out.damping[j, i] = out.damping[i, j]
+    _turn_normals(surface, state)
+    complete_sums(out)

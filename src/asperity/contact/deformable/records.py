@@ -54,8 +54,6 @@ class SurfaceState(NamedTuple):
     """-dU over the shared normals [N m], (g, 3)."""
     used: Indices
     """Numbers of the normals that were computed, and as the last entry how many, (g + 1,)."""
-    hit: Indices
-    """The geom that presses a taxel, (n,)."""
     pressed: Indices
     """Numbers of the triangles with a taxel in contact; the last entry: how many; (m + 1,)."""
     stiffness: Array
@@ -80,8 +78,6 @@ class SurfaceMotion(NamedTuple):
     """[m], (v, 3)"""
     velocities: Array
     """[m/s], (v, 3)"""
-    origin: Array
-    """About which torques are [m], (3,)."""
     centres: Array
     """Points of the bodies [m], (bodies, 3)."""
     twists: Array

@@ -105,11 +105,6 @@ class DeformableSurface:
         return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
     @cached_property
-    def triangle_of(self) -> Indices:
-        """Triangle of each taxel, (n,)."""
-        return np.repeat(np.arange(len(self.mesh.faces)), np.diff(self.arrays.first))
-
-    @cached_property
     def arrays(self) -> SurfaceArrays:
         """The surface at rest, as kernels take it."""
         mesh, corners = self.mesh, self.mesh.vertices[self.mesh.faces]
@@ -138,8 +133,8 @@ class DeformableSurface:
         starts = np.searchsorted(shared.ravel()[members], np.arange(shared.max() + 2))
         faces = np.array(mesh.faces, dtype=np.int64)
         return SurfaceArrays(
-            faces, shared, members, starts, _tilt(corners, mesh.normals), area, highest, first,
-            weight, height,
+            faces, shared, members, starts, _tilt(corners, self.normals, mesh.normals), area,
+            highest, first, weight, height,
         )  # fmt: skip
 
     def taxels(self) -> TaxelArrays:
@@ -171,9 +166,7 @@ def _shared_normals(mesh: Mesh) -> Indices:
     return shared.reshape(-1, 3).astype(np.int64)
 
 
-def _tilt(corners: Array, normals: Array) -> Array:
+def _tilt(corners: Array, across: Array, normals: Array) -> Array:
     """Return the normals at corners (m, 3, 3) in terms of two edges and the triangle's normal."""
-    across = crosses(corners)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
     axes = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], across], axis=2)
     return np.ascontiguousarray(np.linalg.solve(axes[:, None], normals[..., None])[..., 0])

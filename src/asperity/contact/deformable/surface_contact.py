@@ -12,7 +12,7 @@ from asperity._core.kernels import Repeated
 from asperity.contact.deformable.press import press_surface
 from asperity.contact.deformable.records import SurfaceMotion, SurfaceState
 from asperity.contact.deformable.surface import DeformableSurface
-from asperity.contact.soft.press import SkinOutput
+from asperity.contact.soft.press import empty_output
 from asperity.contact.soft.solids import fill_frames, solids_of
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
@@ -75,22 +75,18 @@ class SurfaceContact:
         if self._centres.shape != shape or not np.isfinite(self._centres).all():
             raise AsperityError(f"centres must be finite, of shape {shape}, got {centres!r}")
         self._solids = solids_of(bodies, [np.array(_IDENTITY)] * count)
-        arrays, n = surface.arrays, surface.taxel_count
+        arrays = surface.arrays
         m, v, g = len(arrays.faces), len(surface.mesh.vertices), len(arrays.first_member) - 1
         self.state = SurfaceState(
             surface.taxels(), np.zeros((m, 3)), np.zeros((m, 3, 3)), np.zeros(m, np.int64),
             np.zeros((g, 3)), np.zeros(g), np.zeros(g, np.int64), np.zeros((g, 3)),
-            np.zeros(g + 1, np.int64), np.full(n, -1, np.int64), np.zeros(m + 1, np.int64),
+            np.zeros(g + 1, np.int64), np.zeros(m + 1, np.int64),
             np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((v, 3)),
             np.zeros((count, 6)), np.zeros(2, np.int64),
         )  # fmt: skip
-        self.out = SkinOutput(
-            np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
-            np.zeros(n + 1, np.int64), np.zeros(5), np.zeros(6), np.zeros((6, 6)),
-            np.zeros((6, 6)), np.zeros(6), np.zeros(1),
-        )  # fmt: skip
+        self.out = empty_output(surface.taxel_count)
         self._motion = SurfaceMotion(
-            np.array(surface.mesh.vertices), np.zeros((v, 3)), np.zeros(3), np.zeros(shape),
+            np.array(surface.mesh.vertices), np.zeros((v, 3)), np.zeros(shape),
             np.zeros((count, 6)),
         )  # fmt: skip
         self._is_first = True
@@ -161,7 +157,6 @@ class SurfaceContact:
         fill_frames(self._solids, poses)
         for centre, arm, pose in zip(motion.centres, self.arms(poses), poses, strict=True):
             centre[:] = pose[:3] + arm
-        motion.origin[:] = motion.centres[0]
 
     def press_at(self, vertices: Array, velocities: Array) -> None:
         """Compute the contact at places of the vertices, which are not checked; see `press`.
@@ -198,7 +193,6 @@ class SurfaceContact:
         for blocks in (self.state.stiffness, self.state.damping, self.state.slipping):
             blocks[:] = 0.0
         self.state.force[:] = 0.0
-        self.state.hit[:] = -1
         for array in (self.out.compression, self.out.traction, self.out.force, self.out.wrench):
             array[:] = 0.0
         self.out.stiffness[:] = self.out.damping[:] = self.out.damped[:] = 0.0

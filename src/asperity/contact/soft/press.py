@@ -80,6 +80,16 @@ class SkinOutput(NamedTuple):
     """U [J], (1,)."""
 
 
+def empty_output(taxels: int) -> SkinOutput:
+    """Allocate room for what is computed of a number of taxels."""
+    n = taxels
+    return SkinOutput(
+        np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
+        np.zeros(n + 1, np.int64), np.zeros(5), np.zeros(6), np.zeros((6, 6)),
+        np.zeros((6, 6)), np.zeros(6), np.zeros(1),
+    )  # fmt: skip
+
+
 @inner_kernel
 def take_across(slip, m, most):
     """Leave of a slip velocity (3,) what is across m; return friction over it [N s/m].
@@ -138,16 +148,16 @@ def _add_spring(direction, arm, stiffness, jacobian, matrix_out):
 
 
 @inner_kernel
-def _is_near(solids, relative, taxels, block):
-    """Return whether a solid may touch a block of taxels."""
+def reaches(solids, relative, x, radius):
+    """Return whether a solid may come within a distance of a point (3,) of the skin's frame [m]."""
     for g in range(relative.shape[0]):
         far = 0.0
         for i in range(3):
-            x = relative[g, i, 3]
+            along = relative[g, i, 3]
             for j in range(3):
-                x += relative[g, i, j] * taxels.block[block, j]
-            far += x * x
-        if far <= (solids.bound[g] + taxels.block[block, 3]) ** 2:
+                along += relative[g, i, j] * x[j]
+            far += along * along
+        if far <= (solids.bound[g] + radius) ** 2:
             return True
     return False
 
@@ -185,6 +195,45 @@ def deepest(solids, relative, taxels, t, x_out, d_out):
             for i in range(3):
                 x_out[i], d_out[i] = x[i] + s * d[i], d[i]
     return depth, hit, face
+
+
+@inner_kernel
+def fill_exit(solids, g, face, ray, point_out, m_out):
+    """Fill the place where a ray leaves a geom, and m = N / (N.d) there, world axes, (3,) both.
+
+    `ray`: that place and the ray's direction in the geom's frame.
+    """
+    x, d = ray
+    normal, frame = stack_array((3,)), solids.frames[g]
+    sheet_at(solids, g, face, x, normal)
+    rate = max(normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2], GRAZING)
+    for i in range(3):
+        m_out[i], point_out[i] = 0.0, frame[i, 3]
+        for j in range(3):
+            m_out[i] += frame[i, j] * normal[j] / rate
+            point_out[i] += frame[i, j] * x[j]
+
+
+@inner_kernel
+def clear_sums(out):
+    """Set wrench, stiffness, damping, energy and push to 0."""
+    for i in range(6):
+        out.wrench[i] = out.damped[i] = 0.0
+        for j in range(6):
+            out.stiffness[i, j] = out.damping[i, j] = 0.0
+    for i in range(5):
+        out.push[i] = 0.0
+    out.energy[0] = 0.0
+
+
+@inner_kernel
+def complete_sums(out):
+    """Add friction to the wrench, and mirror the lower triangles of stiffness and damping."""
+    for i in range(6):
+        out.wrench[i] += out.damped[i]
+        for j in range(i):
+            out.stiffness[j, i] = out.stiffness[i, j]
+            out.damping[j, i] = out.damping[i, j]
 
 
 @inner_kernel
@@ -249,18 +298,14 @@ def press(solids, taxels, friction, pose, centre, twist, out):
     frames = solids.frames
     origin = np.empty(3)
     relative = np.empty((frames.shape[0], 3, 4))
-    normal, m, best_x, best_d = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    m, best_x, best_d = np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
         origin[i] = pose[i, 3]
         for j in range(3):
             origin[i] += pose[i, j] * centre[j]
     fill_relative(frames, pose, relative)
-    out.wrench[:] = 0.0
-    out.damped[:] = 0.0
-    out.stiffness[:] = 0.0
-    out.damping[:] = 0.0
-    out.push[:] = 0.0
-    energy, total = 0.0, taxels.area.size
+    clear_sums(out)
+    total = taxels.area.size
     for i in range(out.pressed[total]):
         t = out.pressed[i]
         out.compression[t] = 0.0
@@ -268,7 +313,7 @@ def press(solids, taxels, friction, pose, centre, twist, out):
             out.traction[t, k] = out.force[t, k] = 0.0
     count = 0
     for block in range(taxels.block.shape[0]):
-        if not _is_near(solids, relative, taxels, block):
+        if not reaches(solids, relative, taxels.block[block, :3], taxels.block[block, 3]):
             continue
         for t in range(block * BLOCK, min((block + 1) * BLOCK, total)):
             depth, hit, face = deepest(solids, relative, taxels, t, best_x, best_d)
@@ -276,22 +321,10 @@ def press(solids, taxels, friction, pose, centre, twist, out):
                 continue
             out.pressed[count], out.compression[t] = t, depth
             count += 1
-            sheet_at(solids, hit, face, best_x, normal)
-            rate = normal[0] * best_d[0] + normal[1] * best_d[1] + normal[2] * best_d[2]
-            rate = max(rate, GRAZING)
-            for i in range(3):
-                m[i], out.point[t, i] = 0.0, frames[hit, i, 3]
-                for j in range(3):
-                    m[i] += frames[hit, i, j] * normal[j] / rate
-                    out.point[t, i] += frames[hit, i, j] * best_x[j]
-            energy += add_taxel(t, taxels, friction, pose, origin, m, twist, out)
+            fill_exit(solids, hit, face, (best_x, best_d), out.point[t], m)
+            out.energy[0] += add_taxel(t, taxels, friction, pose, origin, m, twist, out)
     out.pressed[total] = count
-    for i in range(6):
-        out.wrench[i] += out.damped[i]
-        for j in range(i):
-            out.stiffness[j, i] = out.stiffness[i, j]
-            out.damping[j, i] = out.damping[i, j]
-    out.energy[0] = energy
+    complete_sums(out)
 
 
 @kernel

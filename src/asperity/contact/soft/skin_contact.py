@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from asperity._core.arrays import Array
 from asperity._core.kernels import Repeated
 from asperity.contact.soft.layer import LINEAR
-from asperity.contact.soft.press import SkinOutput, press
+from asperity.contact.soft.press import empty_output, press
 from asperity.contact.soft.skin import SoftSkin
 from asperity.contact.soft.solids import fill_frames, solids_of
 from asperity.errors import AsperityError, require_finite
@@ -75,12 +75,7 @@ class SkinContact:
         self.centre = np.array(require_finite("centre", centre, 3))
         self._solids = solids_of(bodies, placed)
         self._friction = float(skin.friction)
-        n = len(skin.arrays.area)
-        self.out = SkinOutput(
-            np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
-            np.zeros(n + 1, np.int64), np.zeros(5), np.zeros(6), np.zeros((6, 6)),
-            np.zeros((6, 6)), np.zeros(6), np.zeros(1),
-        )  # fmt: skip
+        self.out = empty_output(len(skin.arrays.area))
         """The last pose, a row a taxel."""
         self._pose, self._twist = np.zeros((3, 4)), np.zeros(6)
         self._press = Repeated(press)
