@@ -20,8 +20,6 @@ from asperity.scene.mjcf import geom_names, touchable_geoms
 from asperity.texture.friction_map import FrictionMap
 from asperity.texture.height_field import HeightField
 
-_EXTENT = ("pixel_size", "size")
-
 
 def with_friction_map(surface: Surface, table: Table, key: str, folder: Path | None) -> Surface:
     """Return a surface with the map of friction that a table describes.
