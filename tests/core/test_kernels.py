@@ -1,6 +1,7 @@
 """The compile cache must never return machine code of older sources."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -51,6 +52,20 @@ def test_an_edit_of_a_callee_in_another_file_is_seen(package, tmp_path):
     edited, new = run(package, tmp_path / "cache")
     assert new != old
     assert edited == 30.0
+
+
+def test_the_same_sources_elsewhere_are_not_compiled_again(package, tmp_path):
+    """Another clone, or a wheel in another environment."""
+    (package / "caller.py").write_text(
+        "from asperity._core.kernels import kernel\n@kernel\ndef outer(x):\n    return 3.0 * x\n"
+    )
+    elsewhere = tmp_path / "elsewhere" / "asperity"
+    shutil.copytree(package, elsewhere)
+    first = run(package, tmp_path / "cache")
+    made = {file: file.stat().st_mtime_ns for file in (tmp_path / "cache").rglob("*.nb[ic]")}
+    assert run(elsewhere, tmp_path / "cache") == first
+    assert {file: file.stat().st_mtime_ns for file in (tmp_path / "cache").rglob("*.nb[ic]")} == made
+    assert len(made) == 2
 
 
 def test_other_fields_of_a_structure_are_seen_by_kernels_that_do_not_import_it(package, tmp_path):

@@ -140,6 +140,7 @@ if not _CACHED:
     )
 
 import numba  # noqa: E402  (the folder has to be known to Numba when it is imported)
+from numba.core import caching  # noqa: E402
 
 from asperity._core.compile_time import compilers  # noqa: E402
 
@@ -147,18 +148,41 @@ from asperity._core.compile_time import compilers  # noqa: E402
 numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 _COMPILER, _INNER_COMPILER = compilers()
 
+# Numba names the folder of a function by the place of its source too, so that each clone and each
+# environment would compile anew what has the same content. Older versions of Numba cannot be told.
+_LOCATED = hasattr(numba.config, "CACHE_LOCATOR_CLASSES") and hasattr(
+    caching, "UserProvidedCacheLocator"
+)
+if _LOCATED:
+
+    class ContentLocator(caching.UserProvidedCacheLocator):  # type: ignore[misc]
+        """The place of machine code in the cache: wherever the source is, the same."""
+
+        @classmethod
+        def get_suitable_cache_subpath(cls, py_file: str) -> str:
+            """Return the name of a folder in `kernel_folder`."""
+            return Path(py_file).parent.name
+
+
 _OPTIONS = {"cache": _CACHED, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 
 def _compiled(function: F, **options: Any) -> F:
     """Return the function to be compiled at its first call, with the cache folder of its file."""
-    path = Path(function.__code__.co_filename)
-    if _CACHED and path.is_file():
-        numba.config.CACHE_DIR = str(kernel_folder(path))
+    path, usual = Path(function.__code__.co_filename), os.environ["NUMBA_CACHE_DIR"]
+    by_content = _CACHED and path.is_file()
+    _configure(str(kernel_folder(path)) if by_content else usual, by_content)
     try:
         return numba.njit(**options)(function)
     finally:
-        numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+        _configure(usual, False)
+
+
+def _configure(folder: str, by_content: bool) -> None:
+    """Set where Numba keeps the functions that are made next."""
+    numba.config.CACHE_DIR = folder
+    if _LOCATED:
+        numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.ContentLocator" if by_content else ""
 
 
 def kernel(function: F) -> F:
