@@ -171,6 +171,30 @@ def test_one_that_takes_long_leaves_the_others_out_and_the_pose_itself_is_looked
     assert contact.flags & BUDGET_SPENT
 
 
+@pytest.mark.parametrize("name", ["hammer-blocks", "probe-plate-dots"])
+def test_contacts_are_those_of_the_last_pose_when_others_were_looked_at_after_it(name):
+    scene = load_scene(name).changed(force={"anti_alias": "tick", "friction": 0.0})
+    simulation, halved = Simulation(scene), 0
+    solver = ContactSolver(scene.model, scene.bodies, scene.tool, scene.force)
+    stage, asked = simulation.stage, []
+    ask = stage.engine.wrench
+    stage.engine.wrench = lambda pose, *rest: (asked.append(pose), ask(pose, *rest))[1]
+    for pose in simulation.trajectory().poses[:150]:
+        asked.clear()
+        simulation.step(pose)
+        if np.array_equal(asked[-1], pose):
+            continue
+        halved += 1
+        solver.wrench(pose, 1e-3)
+        n = stage.contact_count
+        assert n == solver.contacts.count[0]
+        np.testing.assert_array_equal(stage.contacts.normal[:n], solver.contacts.normal[:n])
+        depth, gap = stage.contacts.depth[:n], solver.contacts.gap[:n]
+        np.testing.assert_allclose(depth, solver.contacts.depth[:n], atol=1e-9 + 2.0 * gap.max())
+        assert stage.energy == pytest.approx(solver.energy, rel=1e-3)
+    assert halved >= 1
+
+
 def test_what_there_was_no_room_for_is_told_without_a_contact_too():
     stage, statuses = ToolContact(probe_plate()), np.zeros(3, np.int64)
     stage.evaluate(np.array([0.0, 0.0, 0.1, 1, 0, 0, 0]))

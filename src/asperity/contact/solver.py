@@ -120,6 +120,21 @@ class ContactSolver(BodyContact):
         self._collider.place(self._scene.tool, pose)
         return self._collider.query(without)
 
+    def keep(self) -> list[NDArray[Any]]:
+        """Return a copy of all that is known of the last pose, for `restore`."""
+        return [part.copy() for part in self._found()]
+
+    def restore(self, kept: Sequence[NDArray[Any]]) -> None:
+        """Have an earlier pose for the last one, though not in what searches start from."""
+        for part, earlier in zip(self._found(), kept, strict=True):
+            part[...] = earlier
+
+    def _found(self) -> list[NDArray[Any]]:
+        """Return the arrays that hold the result of the last pose."""
+        energies = [] if self._mesh is None else [self._mesh.space.energy]
+        way_out = self._memory.state["way_out"]
+        return [*self.contacts, self._pose, self._out.wrench, self._is_cut_short, way_out, *energies]
+
     def wrenches(
         self,
         poses: ArrayLike,

@@ -69,6 +69,15 @@ class SkinEngine:
         self._sum_up(wrench)
         return wrench
 
+    def keep(self) -> Array:
+        """Return the last pose, for `restore`."""
+        assert self._last is not None
+        return self._last
+
+    def restore(self, kept: Array) -> None:
+        """Have an earlier pose for the last one."""
+        self.wrench(kept, 0.0)
+
     @property
     def _damped(self) -> Array:
         """Friction in the last wrench, (6,)."""

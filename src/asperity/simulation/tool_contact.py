@@ -272,9 +272,15 @@ class ToolContact:
         seconds = until - self._now()
         count = min(wanted, max(1, int(min(seconds / max(self._cost, 1e-6), BUDGET + 1.0))))
         piece = self.dt / min(count, BUDGET)
+        at_end: list[Any] = []  # whether the last pose has been reached; then what is known of it
 
         def evaluate(s: float) -> Array:
-            return self._timed_query(pose if s == 1.0 else interpolate_pose(last, pose, s), piece)
+            if s == 1.0:
+                at_end.append(None)
+                return self._timed_query(pose, piece)
+            if at_end == [None]:
+                at_end[0] = self.engine.keep()
+            return self._timed_query(interpolate_pose(last, pose, s), piece)
 
         def in_time() -> bool:
             # For one more query, and that of the last pose.
@@ -292,9 +298,8 @@ class ToolContact:
         )
         if nodes.s.size > 2:
             self._flags |= SUB_POSES
-            if nodes.s.size > count + 1:
-                # The last query was not at the last pose, whose contacts are to be kept.
-                self._query(pose, 0.0)
+            if at_end != [None]:
+                self.engine.restore(at_end[0])
         if nodes.spent or count < wanted:
             self._flags |= BUDGET_SPENT
         self._before = (self._last_wrench, *self._before[:1])
