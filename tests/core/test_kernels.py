@@ -62,10 +62,14 @@ def test_the_same_sources_elsewhere_are_not_compiled_again(package, tmp_path):
     elsewhere = tmp_path / "elsewhere" / "asperity"
     shutil.copytree(package, elsewhere)
     first = run(package, tmp_path / "cache")
-    made = {file: file.stat().st_mtime_ns for file in (tmp_path / "cache").rglob("*.nb[ic]")}
-    assert run(elsewhere, tmp_path / "cache") == first
-    assert {file: file.stat().st_mtime_ns for file in (tmp_path / "cache").rglob("*.nb[ic]")} == made
+
+    def written():
+        return {f: f.stat().st_mtime_ns for f in (tmp_path / "cache").rglob("*.nb[ic]")}
+
+    made = written()
     assert len(made) == 2
+    assert run(elsewhere, tmp_path / "cache") == first
+    assert written() == made
 
 
 def test_other_fields_of_a_structure_are_seen_by_kernels_that_do_not_import_it(package, tmp_path):

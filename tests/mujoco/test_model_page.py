@@ -62,3 +62,26 @@ def test_a_model_file_runs_on_a_page(tmp_path, capsys):
     assert float(printed.split("ended after ")[1].split()[0]) > 0.1
     assert main(["view", str(tmp_path / "none.xml"), *options]) == 2
     assert "no model file" in capsys.readouterr().err
+
+
+def test_flexes_move_and_a_plane_is_the_ground():
+    xml = """<mujoco><worldbody>
+      <geom name="floor" type="plane" size="1 1 .1"/>
+      <flexcomp name="pad" type="grid" dim="2" count="4 4 1" spacing=".02 .02 .02" pos="0 0 .1"
+        radius=".002" mass=".1" rgba=".9 .2 .1 1"><edge equality="true"/>
+        <contact selfcollide="none"/></flexcomp>
+    </worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    data, surfaces = mujoco.MjData(model), textured.attach(model, {"pad": "knurl:3mm"})
+    with ModelPage(surfaces, port=0, triangles=5000) as page:
+        drawn = {name for name in page.server.scene._handle_from_node_name}
+        assert "/ground" in drawn
+        assert not any(name.endswith("floor") for name in drawn)
+        ((_, mesh),) = page._flexes
+        assert len(mesh.faces) == 18
+        assert mesh.color == (230, 51, 26)
+        before = np.array(mesh.vertices)
+        surfaces.step(data, 50)
+        page.show(data)
+        fallen = before[:, 2] - mesh.vertices[:, 2]
+        np.testing.assert_allclose(fallen, UNITS * 0.5 * 9.81 * 0.1**2, rtol=0.1)

@@ -155,7 +155,7 @@ _LOCATED = hasattr(numba.config, "CACHE_LOCATOR_CLASSES") and hasattr(
 )
 if _LOCATED:
 
-    class ContentLocator(caching.UserProvidedCacheLocator):  # type: ignore[misc]
+    class ContentLocator(caching.UserProvidedCacheLocator):
         """The place of machine code in the cache: wherever the source is, the same."""
 
         @classmethod

@@ -11,7 +11,7 @@ import logging
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -131,9 +131,10 @@ class ContactSolver(BodyContact):
 
     def _found(self) -> list[NDArray[Any]]:
         """Return the arrays that hold the result of the last pose."""
-        energies = [] if self._mesh is None else [self._mesh.space.energy]
-        way_out = self._memory.state["way_out"]
-        return [*self.contacts, self._pose, self._out.wrench, self._is_cut_short, way_out, *energies]
+        energies = [self._memory.state["way_out"]]
+        if self._mesh is not None:
+            energies.append(self._mesh.space.energy)
+        return [*self.contacts, self._pose, self._out.wrench, self._is_cut_short, *energies]
 
     def wrenches(
         self,

@@ -167,17 +167,23 @@ def _flex_surface(
     return FlexSurface(flex, name, tuple(made), vertices, bodies, is_met, top, friction, damping)
 
 
+def flex_triangles(model: mujoco.MjModel, flex: int) -> NDArray[np.int32]:
+    """Return the surface of a solid flex, or the elements of a sheet, (n, 3); empty for a rope."""
+    dim = int(model.flex_dim[flex])
+    if dim == 3:
+        start, count = int(model.flex_shelldataadr[flex]), int(model.flex_shellnum[flex])
+        return np.array(model.flex_shell[start : start + 3 * count]).reshape(-1, 3)
+    if dim == 2:
+        start, count = int(model.flex_elemdataadr[flex]), int(model.flex_elemnum[flex])
+        return np.array(model.flex_elem[start : start + 3 * count]).reshape(-1, 3)
+    return np.zeros((0, 3), np.int32)
+
+
 def _mesh(
     model: mujoco.MjModel, flex: int, places: NDArray[np.float64], mapping: str, name: str
 ) -> tuple[Mesh, NDArray[np.int64]]:
     """Return the triangles of a flex at rest, wound outwards, and the vertices that they use."""
-    if int(model.flex_dim[flex]) == 3:
-        start, count = int(model.flex_shelldataadr[flex]), int(model.flex_shellnum[flex])
-        faces = np.array(model.flex_shell[start : start + 3 * count]).reshape(-1, 3)
-    else:
-        start, count = int(model.flex_elemdataadr[flex]), int(model.flex_elemnum[flex])
-        faces = np.array(model.flex_elem[start : start + 3 * count]).reshape(-1, 3)
-    used, faces = np.unique(faces, return_inverse=True)
+    used, faces = np.unique(flex_triangles(model, flex), return_inverse=True)
     faces = faces.reshape(-1, 3).astype(np.int64)
     uv = _uv(model, flex, len(places))[used] if mapping == "uv" else None
     mesh = mesh_from_arrays(places[used], faces, uv=uv, hard_angle=HARD_ANGLE, name=name)

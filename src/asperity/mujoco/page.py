@@ -20,12 +20,13 @@ from asperity.geometry.displaced.view import ViewBall
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.geometry.mesh.normals import HARD_ANGLE
 from asperity.mujoco.bodies import frame_of
+from asperity.mujoco.flexes import flex_triangles
 from asperity.mujoco.names import geom_name
 from asperity.mujoco.surfaces import Surfaces, attach
 from asperity.scene.mjcf import GEOMS, model_mesh
 from asperity.viewer.drawables.colours import CONTACT
 from asperity.viewer.drawables.shapes import FEWEST, MOST, Drawable, shapes_of_parts
-from asperity.viewer.drawables.stage import UNITS, add_shape, place, set_up_lights
+from asperity.viewer.drawables.stage import UNITS, add_ground, add_shape, place, set_up_lights
 from asperity.viewer.server.pace import UPDATE_RATE
 from asperity.viewer.server.server import LOCAL, start_server, stop_server
 
@@ -93,6 +94,14 @@ class ModelPage:
             add_shape(self.server, shape, f"/model/{body}", image=image)
         self._most = 1e-9
         self._size = UNITS * float(self._model.stat.extent)
+        ground = _ground(surfaces)
+        if ground is not None:
+            add_ground(self.server, float(self._model.geom_pos[ground, 2]), self._size / UNITS)
+        self._flexes = [
+            (flex, self._add_flex(flex))
+            for flex in range(self._model.nflex)
+            if self._model.flex_group[flex] <= _MOST_GROUP
+        ]
         self._arrows = self.server.scene.add_arrows(
             "/forces", np.zeros((0, 2, 3), np.float32), CONTACT, shaft_radius=0.004 * self._size,
             head_radius=0.01 * self._size, head_length=0.025 * self._size,
@@ -123,8 +132,25 @@ class ModelPage:
         with self.server.atomic():
             for b, frame in enumerate(self._frames):
                 place(frame, np.append(data.xpos[b], data.xquat[b]))
+            for flex, mesh in self._flexes:
+                mesh.vertices = self._flex_vertices(data, flex)
             self._arrows.points = np.stack([UNITS * points, ends], axis=1).astype(np.float32)
         return True
+
+    def _add_flex(self, flex: int) -> Any:
+        """Add a flex, whose vertices move; it is drawn without its texture."""
+        model, start = self._model, mujoco.MjData(self._model)
+        mujoco.mj_forward(model, start)
+        colour = tuple((255.0 * model.flex_rgba[flex, :3]).round().astype(int).tolist())
+        return self.server.scene.add_mesh_simple(
+            f"/flex/{flex}", self._flex_vertices(start, flex), flex_triangles(model, flex),
+            color=colour, side="double" if model.flex_dim[flex] == 2 else "front",
+        )  # fmt: skip
+
+    def _flex_vertices(self, data: mujoco.MjData, flex: int) -> NDArray[np.float32]:
+        """Return the vertices of a flex in units of the view, (n, 3)."""
+        start, count = int(self._model.flex_vertadr[flex]), int(self._model.flex_vertnum[flex])
+        return (UNITS * data.flexvert_xpos[start : start + count]).astype(np.float32)
 
     def close(self) -> None:
         """Take the page down."""
@@ -185,8 +211,9 @@ def _shapes(surfaces: Surfaces, triangles: int) -> list[tuple[int, Drawable]]:
     """Return what is shown, each with the number of the body that carries it, in its frame."""
     model = surfaces.model
     textured = [one for one in surfaces.bodies if one.is_textured]
-    covered = {geom for one in textured for geom in one.geoms}
+    covered: set[int | None] = {geom for one in textured for geom in one.geoms}
     shown = [(one.carrier, one.local, one.body, one.geoms[0]) for one in textured]
+    covered.add(_ground(surfaces))
     for geom in range(model.ngeom):
         is_seen = model.geom_group[geom] <= _MOST_GROUP and geom_rgba(model, geom)[3] > 0.0
         body = _plain(model, geom) if is_seen and geom not in covered else None
@@ -209,6 +236,19 @@ def _shapes(surfaces: Surfaces, triangles: int) -> list[tuple[int, Drawable]]:
         for (carrier, frame, _), shape in zip(whole, shapes, strict=True)
         if len(shape.faces)
     ]  # fmt: skip
+
+
+def _ground(surfaces: Surfaces) -> int | None:
+    """Return the geom that is the ground: a level plane of the world without texture, if any."""
+    model = surfaces.model
+    textured = {geom for one in surfaces.bodies if one.is_textured for geom in one.geoms}
+    for geom in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE).tolist():
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+        is_level = turn[8] > 1.0 - 1e-6 and model.geom_bodyid[geom] == 0
+        if is_level and geom not in textured and model.geom_group[geom] <= _MOST_GROUP:
+            return geom
+    return None
 
 
 def _plain(model: mujoco.MjModel, geom: int) -> Body | None:
