@@ -149,7 +149,7 @@ numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 _COMPILER, _INNER_COMPILER = compilers()
 
 # Numba names the folder of a function by the place of its source too, so that each clone and each
-# environment would compile anew what has the same content. Older versions of Numba cannot be told.
+# environment would compile anew what has the same content. Older versions offer no choice.
 _LOCATED = hasattr(numba.config, "CACHE_LOCATOR_CLASSES") and hasattr(
     caching, "UserProvidedCacheLocator"
 )
