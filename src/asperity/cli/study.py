@@ -116,16 +116,14 @@ class StudyCommand:
         from asperity.cli.progress import compile_notice, progress_bars
         from asperity.runs.vibration_metrics import METRICS
         from asperity.studies.otaduy_lin_2004.claims import count_reproduced
-        from asperity.studies.otaduy_lin_2004.studies import MODULUS, STUDIES, require_study, run_study
+        from asperity.studies.otaduy_lin_2004.studies import require_study, run_study
         from asperity.studies.otaduy_lin_2004.write import NOT_JUDGED, write_studies
 
         self._require_fitting()
-        require_choice("study", self.name, [*STUDIES, MODULUS[0], "all"])
-        require_choice("metric", self.metric, METRICS)
         settings = self.settings()
+        require_study(self.name, settings, "all")
+        require_choice("metric", self.metric, METRICS)
         names = settings.studies() if self.name == "all" else (self.name,)
-        for name in names:
-            require_study(name, settings)
         settings.require_surfaces()
         total = settings.spacings * sum(settings.drags(name) for name in names)
         out = self.out or Path("out/study")

@@ -82,9 +82,9 @@ def test_what_does_not_go_together_is_refused(tmp_path):
         run_study("diameter", SETTINGS)
     with pytest.raises(AsperityError, match="a probe has no study 'modulus'; valid: diameter"):
         run_study("modulus")
-    with pytest.raises(AsperityError, match="modulus.*-1"):
+    with pytest.raises(AsperityError, match=r"modulus.*-1"):
         StudySettings(finger=Fingertip(), moduli=(-1.0,))
-    with pytest.raises(AsperityError, match="one force.*minsky"):
+    with pytest.raises(AsperityError, match=r"one force.*minsky"):
         DragSimulator(model="minsky", finger=Fingertip())
     out = tmp_path / "out"
     for command, said in (

@@ -142,9 +142,9 @@ def test_dots_carry_a_finger_and_give_it_a_path():
 def test_what_a_finger_cannot_do_is_said():
     with pytest.raises(AsperityError, match="a width of a surface"):
         SMOOTH.path(HeightMap(np.random.default_rng(0).normal(size=(20, 20)) * 1e-6, 1e-4), 0.5)
-    with pytest.raises(AsperityError, match="100 N presses.*3 mm.*12000 Pa.*smaller force"):
+    with pytest.raises(AsperityError, match=r"100 N presses.*3 mm.*12000 Pa.*smaller force"):
         SMOOTH.path(FLAT, 100.0)
     with pytest.raises(AsperityError, match="rim"):
         replace(SMOOTH, semi_axes=(2e-3, 2e-3, 0.5e-3)).path(FLAT, 0.5)
-    with pytest.raises(AsperityError, match="ridge_amplitude.*-1"):
+    with pytest.raises(AsperityError, match=r"ridge_amplitude.*-1"):
         Fingertip(ridge_amplitude=-1.0)

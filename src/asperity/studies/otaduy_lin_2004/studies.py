@@ -35,8 +35,7 @@ FACTORS = {
 }
 """Study -> (name of the factor, its label, its unit)."""
 STUDIES = (*FACTORS, "models")
-MODULUS = ("modulus", "modulus of the pad", "Pa")
-"""What a study of a finger varies in place of the diameter."""
+_MODULUS = ("modulus", "modulus of the pad", "Pa")
 _PHASES = 2048
 
 ReportProgress = Callable[[str], None]
@@ -90,7 +89,7 @@ class StudySettings:
         """Return what the tool's studies vary, as `FACTORS`."""
         if self.finger is None:
             return FACTORS
-        return {"modulus": MODULUS, "force": FACTORS["force"], "speed": FACTORS["speed"]}
+        return {"modulus": _MODULUS, "force": FACTORS["force"], "speed": FACTORS["speed"]}
 
     def studies(self) -> tuple[str, ...]:
         """Return the names of the tool's studies."""
@@ -200,10 +199,10 @@ def run_study(
     return dataset
 
 
-def require_study(name: str, settings: StudySettings) -> None:
-    """Raise `AsperityError` unless a name is that of a study of the settings' tool."""
-    studies = settings.studies()
-    others = {*STUDIES, MODULUS[0]} - {*studies}
+def require_study(name: str, settings: StudySettings, *more: str) -> None:
+    """Raise `AsperityError` unless a name is that of a study of the tool, or one of `more`."""
+    studies = (*settings.studies(), *more)
+    others = {*STUDIES, _MODULUS[0]} - {*studies}
     if name in others:
         tool = "a probe" if settings.finger is None else "a finger"
         raise AsperityError(f"{tool} has no study {name!r}; valid: {', '.join(studies)}")
