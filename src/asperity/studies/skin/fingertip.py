@@ -1,8 +1,8 @@
 r"""A soft, ridged fingertip that is dragged over a surface: its texture force, by energy.
 
-The pad is an ellipsoid with an elastic layer, that of the scene `finger-plate`, as a bed of upright
-springs. With its lowest point at the height g and its middle over u, a place (x, y) of it is pressed
-in by
+The pad is an ellipsoid with an elastic layer, that of the scene `finger-plate`, as a bed of
+upright springs. With its lowest point at the height g and its middle over u, a place (x, y) of it
+is pressed in by
 
     delta = h(u + x, y) - g - s(x, y) ,
 
