@@ -14,7 +14,7 @@ from asperity.viewer.panels.skin import (
     SHEAR,
     SHOWN,
     UP,
-    Motion,
+    Moved,
     SkinPanel,
     skin_map,
 )
@@ -33,7 +33,7 @@ def scales():
 
 
 def at_rest(pose):
-    return Motion(pose, pose, 0.0)
+    return Moved(pose, pose, 0.0)
 
 
 @pytest.mark.parametrize("name", ["finger-plate", "palpation"])
@@ -57,7 +57,7 @@ def test_shear_of_a_finger_that_slides_is_its_friction_backwards():
     engine = SkinEngine(scene.smooth(), scene.smooth().skin)
     before = pose.copy()
     before[0] -= 1e-3  # to the right
-    made = skin_map(engine, Motion(before, pose, 0.02), SHEAR, scales())
+    made = skin_map(engine, Moved(before, pose, 0.02), SHEAR, scales())
     shear, pressure = engine.skin.shear, engine.skin.pressure
     assert shear[..., 0].sum() == pytest.approx(-0.4 * pressure.sum(), rel=0.15)
     assert made.shear == pytest.approx(np.hypot(shear[..., 0], shear[..., 1]).max())

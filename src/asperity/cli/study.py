@@ -134,9 +134,14 @@ class StudyCommand:
                     "studies", ("dynamics.dragged_hand.periodic_motion", "drag_until_repeat")
                 )
                 task = bars.add_task(notice, total=total)
-                given = {"simulator": simulator, "peaks": settings.finger is None}
                 results = {
-                    name: run_study(name, settings, progress=lambda _: bars.advance(task), **given)
+                    name: run_study(
+                        name,
+                        settings,
+                        simulator=simulator,
+                        peaks=settings.finger is None,
+                        progress=lambda _: bars.advance(task),
+                    )
                     for name in names
                 }
             claims = write_studies(results, self.metric, folder)

@@ -166,7 +166,7 @@ def traction_images(
     """Write every frame as an image of three channels, for tactile sensors' simulators.
 
     One pixel a taxel, rows upwards. Red is the shear along columns and green that along rows, 128
-    for none and 127 more or less at the largest; blue is the pressure, from 0 to 255, and 0 too where
+    for none and 127 more or less at the largest; blue is the pressure, from 0 to 255, 0 too where
     friction on a steep flank makes it negative. What a step of a channel is in Pa stands in
     `scale.json`.
 

@@ -15,7 +15,7 @@ from asperity.studies.otaduy_lin_2004.drags import MODELS
 from asperity.studies.otaduy_lin_2004.figures import models_figure, study_figure
 
 NOT_JUDGED = "the paper's claims are about rigid probes; none is judged for a finger"
-"""What `claims.json` says of studies with a finger."""
+"""The note in `claims.json` of studies with a finger."""
 
 
 def write_studies(

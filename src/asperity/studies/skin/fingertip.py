@@ -69,7 +69,7 @@ class Bed(NamedTuple):
     """[m]"""
 
 
-class Rest(NamedTuple):
+class FingerRest(NamedTuple):
     """A finger at rest at places of its path; arrays (n,)."""
 
     height: Array
@@ -81,7 +81,7 @@ class Rest(NamedTuple):
 
 
 @kernel
-def _settle(heights, bed, force, rest_out):
+def _settle(heights: Array, bed: Bed, force: float, rest_out: FingerRest) -> None:
     """Fill where a bed rests under a force [N], place by place.
 
     `heights` (lines or 1, places + columns - 1): of the surface below the columns at the first
@@ -162,7 +162,7 @@ class Fingertip:
         """Return dH/du over one period of a surface: the texture force over the normal force."""
         return minsky.texture_force(self.path(surface, force), 1.0)
 
-    def rest(self, surface: Profile, force: float) -> tuple[Rest, float]:
+    def rest(self, surface: Profile, force: float) -> tuple[FingerRest, float]:
         """Return how the finger rests along one period, and the distance of its places [m].
 
         The first place is half of that distance from the start. Raises as `path` does.
@@ -180,7 +180,7 @@ class Fingertip:
         columns = bed.clearance.shape[1]
         heights = self._heights(surface, samples, across)
         at = np.arange(samples + columns - 1) - columns // 2
-        rest = Rest(*(np.empty(samples) for _ in Rest._fields))
+        rest = FingerRest(*(np.empty(samples) for _ in FingerRest._fields))
         _settle(np.ascontiguousarray(heights[:, at % samples]), bed, force, rest)
         if rest.deepest.max() > self.thickness:
             raise AsperityError(
@@ -227,4 +227,5 @@ class Fingertip:
             fine = surface.heights(places[None, :], middle + across[:, None])
         else:
             fine = surface.heights(places)[None, :]
-        return np.asarray(fine.reshape(-1, samples, _AVERAGED).mean(axis=2))
+        means = fine.reshape(-1, samples, _AVERAGED).mean(axis=2)
+        return np.asarray(means, dtype=np.float64)

@@ -34,7 +34,7 @@ SHOWN = (PRESSURE, SHEAR, RIGHT, UP)
 """What the map can show."""
 
 
-class Motion(NamedTuple):
+class Moved(NamedTuple):
     """Two poses of the tool (7,), and the time between them [s]; 0: at rest."""
 
     before: NDArray[np.float64]
@@ -60,14 +60,14 @@ class SkinMap(NamedTuple):
 
 
 def skin_map(
-    engine: SkinEngine, motion: Motion, shown: str, scales: dict[bool, SteadyScale]
+    engine: SkinEngine, motion: Moved, shown: str, scales: dict[bool, SteadyScale]
 ) -> SkinMap:
     """Return the map of a motion of the tool.
 
     Parameters
     ----------
     engine : SkinEngine
-    motion : Motion
+    motion : Moved
     shown : str
         One of `SHOWN`.
     scales : dict
@@ -141,7 +141,7 @@ class SkinPanel(Panel):
         for part in (self._kind, self._image, self._text):
             part.visible = self._scene is not None
 
-    def _made(self, scene: Scene, motion: Motion, shown: str) -> SkinMap:
+    def _made(self, scene: Scene, motion: Moved, shown: str) -> SkinMap:
         assert scene.skin is not None
         if self._engine is None or self._engine[0] is not scene:
             self._engine = scene, SkinEngine(scene, scene.skin)
@@ -171,10 +171,10 @@ class SkinPanel(Panel):
         self._worker.shutdown(wait=False, cancel_futures=True)
 
 
-def _motion(last: Snapshot | None, now: Snapshot) -> Motion:
+def _motion(last: Snapshot | None, now: Snapshot) -> Moved:
     """Return the motion from the last update's snapshot to this one's."""
     pose = np.array(now.tool_pose)
     seconds = now.time - last.time if last is not None else 0.0
     if last is None or not 0.0 < seconds < _LONGEST:
-        return Motion(pose, pose, 0.0)
-    return Motion(np.array(last.tool_pose), pose, seconds)
+        return Moved(pose, pose, 0.0)
+    return Moved(np.array(last.tool_pose), pose, seconds)
