@@ -201,7 +201,8 @@ class Fingertip:
 
     def _across(self, differs: bool) -> Array:
         """Return the lines of springs [m]; for a surface that is the same there, of one half."""
-        half = (np.arange(math.ceil(self.semi_axes[1] / self.line)) + 0.5) * self.line
+        count = math.ceil(self.semi_axes[1] / self.line)
+        half = np.arange(0.5, count, dtype=np.float64) * self.line
         return np.concatenate([-half[::-1], half]) if differs else half
 
     def _bed(self, pixel: float, across: Array) -> Bed:
