@@ -1,10 +1,18 @@
 """A soft tool in a simulation, and its fields in a recording."""
 
+import json
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from asperity.errors import AsperityError
-from asperity.runs.pressure_figure import pressure_figure, pressure_images
+from asperity.runs.pressure_figure import (
+    pressure_figure,
+    pressure_images,
+    shear_figure,
+    traction_images,
+)
 from asperity.runs.recording import read_recording
 from asperity.runs.run_scene import run_scene
 from asperity.runs.skin_fields import read_fields
@@ -72,6 +80,43 @@ def test_fields_are_recorded_at_their_rate(tmp_path):
     assert len(pressure_figure(fields, "finger").axes) == 7
     with pytest.raises(AsperityError, match="largest"):
         pressure_images(file, tmp_path / "other", largest=-1.0)
+
+
+def test_images_of_three_channels_give_the_fields_back(tmp_path):
+    run_scene(finger(), tmp_path / "recording.h5", field_rate=50.0)
+    fields = read_fields(tmp_path)
+    assert traction_images(tmp_path, tmp_path / "traction") == len(fields.time)
+    scale = json.loads((tmp_path / "traction" / "scale.json").read_text("utf-8"))
+    assert scale["time_s"] == pytest.approx(fields.time)
+    for i in range(len(fields.time)):
+        with Image.open(tmp_path / "traction" / f"{i:04d}.png") as image:
+            assert (image.mode, image.size) == ("RGB", (24, 24))
+            levels = np.asarray(image)[::-1].astype(float)
+        expected = {
+            "red": fields.shear[i, ..., 0], "green": fields.shear[i, ..., 1],
+            "blue": np.maximum(fields.pressure[i], 0.0),
+        }  # fmt: skip
+        for channel, (name, values) in enumerate(expected.items()):
+            about = scale[name]
+            found = (levels[..., channel] - about["zero"]) * about["step_pa"]
+            np.testing.assert_allclose(found, values, atol=0.5001 * about["step_pa"])
+    # What is more than a given largest is cut off.
+    traction_images(tmp_path, tmp_path / "cut", shear=1.0, pressure=1.0)
+    with Image.open(tmp_path / "cut" / "0000.png") as image:
+        levels = np.asarray(image)[::-1]
+    assert set(np.unique(levels[..., 0])) <= {1, 128, 255}
+    assert (levels[..., 2] == 255).sum() == (fields.pressure[0] >= 1.0).sum()
+    with pytest.raises(AsperityError, match=r"shear.*-1"):
+        traction_images(tmp_path, tmp_path / "other", shear=-1.0)
+
+
+def test_the_figure_of_the_shear_has_arrows_against_the_motion(tmp_path):
+    run_scene(finger(), tmp_path / "recording.h5", field_rate=50.0)
+    figure = shear_figure(read_fields(tmp_path), "finger")
+    assert figure.axes[-1].get_ylabel() == "size of the shear [kPa]"
+    last = figure.axes[len(figure.axes) - 2].collections[0]
+    assert last.U.sum() < 0.0  # the finger slides along columns
+    assert abs(last.V.sum()) < 0.5 * abs(last.U.sum())
 
 
 def test_recordings_without_fields_are_told_apart(tmp_path):

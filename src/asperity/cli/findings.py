@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from asperity.cli.options import Range, command
 from asperity.cli.result import print_result, wants_json
-from asperity.errors import AsperityError
+from asperity.errors import AsperityError, require_choice
 
 
 @command
@@ -32,6 +32,10 @@ class FindingsCommand:
     parts: bool = False
     """Judge the findings over 36 hands and three plates with each part that the paper leaves out
     (minutes): parts.json in --out."""
+    finger: str | None = None
+    """Judge the findings about bare fingers alone, with one model of the finger: averaging (that of
+    the whole table), pressed (how unevenly its skin is pressed, whatever the metric), or soft (the
+    fingertip of the scene finger-plate); fingers.json in --out."""
     predictions: Path | None = None
     """Folder for predictions of conditions that are not among the findings: DATE.md and DATE.json,
     with a hash."""
@@ -53,6 +57,9 @@ class FindingsCommand:
 
     def run(self) -> None:
         """Judge every finding, print the table, and write it."""
+        if self.finger is not None:
+            self._run_fingers(self.finger)
+            return
         if self.predictions or self.halves or self.parts:
             self._run_ensemble()
             return
@@ -113,6 +120,48 @@ class FindingsCommand:
             found = judge(folder)
         line = f"{self.out}: findings.md, findings.json, findings.csv, figures"
         print_result(line, found | {"out": self.out})
+
+    def _run_fingers(self, finger: str) -> None:
+        """Judge the findings about bare fingers with one model of the finger."""
+        from asperity._core.output import result_folder, write_json
+        from asperity.cli.progress import progress_bars
+        from asperity.studies.literature.catalogue import of_fingers
+        from asperity.studies.literature.laboratory import Plan
+        from asperity.studies.literature.table import (
+            FINGERS,
+            count_findings,
+            document,
+            judge_all,
+            make_columns,
+        )
+        from asperity.studies.literature.write import print_table
+
+        require_choice("finger", finger, FINGERS)
+        others = [name for name in ("docs", "halves", "parts", "predictions", "fit", "data")
+                  if getattr(self, name)]  # fmt: skip
+        if others:
+            raise AsperityError(f"--finger {finger}: leave out --{', --'.join(others)}")
+        columns, findings = make_columns(), of_fingers(finger)
+        with progress_bars() as bars:
+            task = bars.add_task(f"findings, {finger} finger", total=len(findings))
+            rows, _ = judge_all(
+                columns, findings=findings, plan=Plan(spacings=self.spacings), finger=finger,
+                progress=lambda: bars.advance(task),
+            )  # fmt: skip
+        found = document(rows, columns) | {"finger": finger}
+        if not wants_json():
+            print_table(rows, columns)
+        held = [count_findings(rows, column.name) for column in columns]
+        line = f"{finger} finger: " + ", ".join(
+            f"{column.name} {count} of {total}"
+            for column, (count, total) in zip(columns, held, strict=True)
+        )
+        if self.out is None:
+            print_result(line, found)
+            return
+        with result_folder(self.out, overwrite=self.overwrite) as folder:
+            write_json(folder / "fingers.json", found)
+        print_result(f"{self.out}: fingers.json; {line}", found | {"out": self.out})
 
     def _run_ensemble(self) -> None:
         from asperity.cli.progress import progress_bars

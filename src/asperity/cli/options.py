@@ -23,6 +23,7 @@ from asperity.errors import require_between
 SI_FACTORS = {
     "": 1.0, "s": 1.0, "m": 1.0, "mm": 1e-3, "um": 1e-6, "mm/s": 1e-3, "deg": math.pi / 180.0,
     "deg/s": math.pi / 180.0, "Hz": 1.0, "kHz": 1e3, "kg": 1.0, "N": 1.0, "N/m": 1.0, "N s/m": 1.0,
+    "kPa": 1e3,
 }  # fmt: skip
 """By how much a value in a unit is multiplied to be in SI units."""
 _POSITIONAL = Positional[Any].__metadata__[0]  # type: ignore[misc]

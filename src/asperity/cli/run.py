@@ -93,8 +93,9 @@ class RunCommand:
     `asperity devices`."""
     options: Annotated[DeviceOptions, arg(name="")] = field(default_factory=DeviceOptions)
     field_rate_hz: Annotated[float | None, Range(0.1, 1e5, "Hz")] = None
-    """Rate at which the pressure and shear on a soft skin go into the recording, and pictures of
-    the pressure into the folder pressure. Default: none are recorded."""
+    """Rate at which the pressure and shear on a soft skin go into the recording, pictures of the
+    pressure into the folder pressure, and images of pressure and shear as three channels into
+    traction. Default: none are recorded."""
     hand: bool = False
     """Hold the tool with a simulated hand, which follows the trajectory, presses, and yields."""
     seed: Annotated[int | None, Range(0, 2**31 - 1)] = None
@@ -116,7 +117,7 @@ class RunCommand:
             raise AsperityError("options of the servo loop need --device NAME")
         from asperity._core.output import result_folder
         from asperity.cli.progress import progress_bars
-        from asperity.runs.pressure_figure import write_pressure
+        from asperity.runs.pressure_figure import write_skin_pictures
         from asperity.runs.run_scene import run_scene, take_pictures, write_figures, write_summary
         from asperity.scene.scale import scale_table
         from asperity.simulation.tool_contact import announce_compiling
@@ -148,7 +149,7 @@ class RunCommand:
             write_summary(done, folder / "summary.json")
             write_figures(done, take_pictures(done, scene), folder)
             if self.field_rate_hz:
-                write_pressure(folder, scene.name)
+                write_skin_pictures(folder, scene.name)
         self._print(done.summary)
 
     def _run_on_device(self, device: str) -> None:

@@ -39,7 +39,10 @@ class StudyCommand:
     """
 
     name: Annotated[Positional[str], arg(metavar="NAME")] = "all"
-    """diameter, force, speed, models, or all"""
+    """diameter, force, speed, models, or all; with --tool finger modulus, force, speed, or all"""
+    tool: str = "probe"
+    """What is dragged: probe, the rigid sphere of the paper, or finger, the soft fingertip of the
+    scene finger-plate. The paper's claims are not judged for a finger."""
     ensemble: bool = False
     """Judge the claims for 36 hands, five amplitudes and eight plates of dots: ensemble.json,
     ensemble.csv, ensemble.md, members.json and figures. Takes no other option than --out and
@@ -51,10 +54,13 @@ class StudyCommand:
     threshold_power."""
     spacing_range_mm: Annotated[tuple[float, float], Range(0.05, 20.0, "mm")] = (0.5, 3.5)
     """Smallest and largest spacing."""
-    spacings: Annotated[int, Range(5, 1000)] = 40
-    """Number of spacings, equally spaced in log."""
+    spacings: Annotated[int | None, Range(5, 1000)] = None
+    """Number of spacings, equally spaced in log. Default: 40; 160 with a finger, whose curves have
+    many peaks."""
     diameters_mm: Annotated[tuple[float, ...], Range(0.05, 50.0, "mm")] = (2.0, 3.0, 4.0)
     """Probe diameters; the other studies use the middle one."""
+    moduli_kpa: Annotated[tuple[float, ...], Range(0.1, 1e6, "kPa")] = (6.0, 12.0, 24.0)
+    """Young's moduli of the finger's pad; the other studies of a finger use the middle one."""
     forces_n: Annotated[tuple[float, ...], Range(1e-3, 100.0, "N")] = (0.29, 0.58, 0.87)
     """Normal forces; the other studies use the middle one."""
     speeds_mm_s: Annotated[tuple[float, ...], Range(0.1, 1e4, "mm/s")] = (42.0, 83.0, 169.0)
@@ -92,11 +98,14 @@ class StudyCommand:
         from asperity.dynamics.dragged_hand.hand import Hand
         from asperity.studies.otaduy_lin_2004.stimuli import StimulusOptions
         from asperity.studies.otaduy_lin_2004.studies import StudySettings
+        from asperity.studies.skin.fingertip import Fingertip
 
         options = in_si(self)
         hand = with_options(Hand, in_si(self.hand))
         stimulus = with_options(StimulusOptions, options)
-        return with_options(StudySettings, options, stimulus=stimulus, hand=hand)
+        finger = Fingertip() if self.tool == "finger" else None
+        options.spacings = options.spacings or (40 if finger is None else 160)
+        return with_options(StudySettings, options, stimulus=stimulus, hand=hand, finger=finger)
 
     def run(self) -> None:
         """Run the studies, write the results, and print how many claims hold."""
@@ -107,16 +116,15 @@ class StudyCommand:
         from asperity.cli.progress import compile_notice, progress_bars
         from asperity.runs.vibration_metrics import METRICS
         from asperity.studies.otaduy_lin_2004.claims import count_reproduced
-        from asperity.studies.otaduy_lin_2004.studies import STUDIES, run_study
-        from asperity.studies.otaduy_lin_2004.write import write_studies
+        from asperity.studies.otaduy_lin_2004.studies import require_study, run_study
+        from asperity.studies.otaduy_lin_2004.write import NOT_JUDGED, write_studies
 
-        require_choice("study", self.name, [*STUDIES, "all"])
-        require_choice("metric", self.metric, METRICS)
+        self._require_fitting()
         settings = self.settings()
-        make_surface = settings.simulator().make_surface
-        for spacing in settings.spacing_range:
-            make_surface(spacing).tracer(max(settings.diameters))
-        names = STUDIES if self.name == "all" else (self.name,)
+        require_study(self.name, settings, "all")
+        require_choice("metric", self.metric, METRICS)
+        names = settings.studies() if self.name == "all" else (self.name,)
+        settings.require_surfaces()
         total = settings.spacings * sum(settings.drags(name) for name in names)
         out = self.out or Path("out/study")
         with result_folder(out, overwrite=self.overwrite) as folder:
@@ -128,17 +136,39 @@ class StudyCommand:
                 task = bars.add_task(notice, total=total)
                 results = {
                     name: run_study(
-                        name, settings, simulator=simulator, progress=lambda _: bars.advance(task)
+                        name,
+                        settings,
+                        simulator=simulator,
+                        peaks=settings.finger is None,
+                        progress=lambda _: bars.advance(task),
                     )
                     for name in names
                 }
             claims = write_studies(results, self.metric, folder)
         held, counted = count_reproduced(claims)
+        verdict = NOT_JUDGED if settings.finger is not None else (
+            f"{held} of {counted} claims of the paper reproduce "
+            f"(its sinusoid and metric; {len(claims)} verdicts in claims.json)"
+        )  # fmt: skip
         print_result(
-            f"{out}: {', '.join(names)}; {held} of {counted} claims of the paper reproduce "
-            f"(its sinusoid and metric; {len(claims)} verdicts in claims.json)",
+            f"{out}: {', '.join(names)}; {verdict}",
             {"out": out, "studies": list(names), "claims": claims},
         )
+
+    def _require_fitting(self) -> None:
+        """Refuse an unknown tool, and levels of what the tool has not."""
+        require_choice("tool", self.tool, ("probe", "finger"))
+        name, what = {
+            "probe": ("moduli_kpa", "the probe is rigid"),
+            "finger": ("diameters_mm", "a finger has no diameter"),
+        }[self.tool]
+        if name in self._changed():
+            raise AsperityError(f"{what}: leave out --{name.replace('_', '-')}, or change --tool")
+
+    def _changed(self) -> list[str]:
+        """Return the names of options that are not at their defaults."""
+        return [option.name for option in fields(self)
+                if getattr(self, option.name) != _default(option)]  # fmt: skip
 
     def _run_ensemble(self) -> None:
         from asperity._core.output import result_folder
@@ -148,10 +178,7 @@ class StudyCommand:
         from asperity.studies.ensemble.write import write_ensemble
 
         free = ("ensemble", "out", "overwrite")
-        changed = [
-            option.name for option in fields(self)
-            if option.name not in free and getattr(self, option.name) != _default(option)
-        ]  # fmt: skip
+        changed = [name for name in self._changed() if name not in free]
         if changed:
             raise AsperityError(
                 f"--ensemble spans all settings: leave out {', '.join(changed)}, or --ensemble"

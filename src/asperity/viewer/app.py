@@ -15,10 +15,10 @@ from asperity.viewer.panels.controls import ControlsPanel
 from asperity.viewer.panels.mouse import MousePanel
 from asperity.viewer.panels.panel import Panel
 from asperity.viewer.panels.plots import PlotsPanel
-from asperity.viewer.panels.pressure import PressurePanel
 from asperity.viewer.panels.record import RecordPanel
 from asperity.viewer.panels.roughness import RoughnessPanel
 from asperity.viewer.panels.scene_view import SceneView
+from asperity.viewer.panels.skin import SkinPanel
 from asperity.viewer.panels.sound import SoundPanel
 from asperity.viewer.panels.status import StatusPanel
 from asperity.viewer.panels.stimuli import StimuliPanel
@@ -114,7 +114,7 @@ def instrument_panels(servo: ServoClient, folder: Path) -> tuple[TimelineClient,
     timeline = Timeline(servo)
     return TimelineClient(servo, timeline), [
         TimePanel(timeline),
-        PressurePanel(),
+        SkinPanel(),
         RoughnessPanel(timeline),
         PlotsPanel(timeline),
         RecordPanel(timeline, folder),

@@ -28,6 +28,8 @@ SKIN: dict[str, Any] = {
     "size": [0.014, 0.012], "middle": [0.0, 0.0, 0.0],
 }  # fmt: skip
 """The table `[tool.skin]`."""
+PAD = (0.010, 0.008, 0.007)
+"""Semi-axes of the pad [m]."""
 RIDGES: dict[str, Any] = {"kind": "sinusoid", "wavelength": 4.5e-4, "amplitude": 3e-5}
 """Epidermal ridges."""
 DOTS: dict[str, Any] = {
@@ -42,7 +44,7 @@ _BODIES = """    <body name="plate" pos="0 0 -{half:.9g}">
     </body>
     <body name="finger" pos="-0.02 0 {height:.9g}">
       <freejoint name="hand"/>
-      <geom name="pad" type="ellipsoid" size="0.010 0.008 0.007" mass="0.006"
+      <geom name="pad" type="ellipsoid" size="{pad}" mass="0.006"
             rgba="0.86 0.68 0.58 1"/>
       <geom name="phalanx" type="capsule" fromto="-0.004 0 0.002 -0.034 0 0.014" size="0.0065"
             mass="0.014" rgba="0.86 0.68 0.58 1"/>
@@ -73,7 +75,7 @@ def finger_on(
     """
     xml = MODEL.format(
         name=name, note=_NOTE, compiler="", extent=0.08, centre="0 0 0.01", light="0.1 -0.2 0.4",
-        assets="", bodies=_BODIES.format(**plate),
+        assets="", bodies=_BODIES.format(pad=" ".join(f"{half:.3f}" for half in PAD), **plate),
     )  # fmt: skip
     document = {
         "schema": 1,

@@ -9,6 +9,7 @@ false: the seed paper's three effects had already been simulated with the studie
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 from asperity.studies.literature import conditions, criteria, finger_conditions, virtual_conditions
@@ -79,3 +80,24 @@ JUDGED_BY_METRIC = tuple(finding for finding in FINDINGS if not finding.any_metr
 """Every finding whose outcome depends on the metric."""
 SEARCHED = tuple(finding for finding in JUDGED_BY_METRIC if not finding.later)
 """Those that the search for one hand and metric saw."""
+_CRUDE = "a finger that averages over 8 mm"
+
+
+def of_fingers(finger: str) -> tuple[Finding, ...]:
+    """Return the findings in whose condition a bare finger touches, for a model of the finger.
+
+    Their texts are of a finger that averages over its contact ("averaging"). For another model
+    they tell so, and that more force gives more counts: other models can fail it.
+    """
+    found = tuple(finding for finding in FINDINGS if "finger" in finding.condition)
+    if finger == "averaging":
+        return found
+    return tuple(
+        replace(
+            finding,
+            condition=finding.condition.replace(_CRUDE, "a finger"),
+            caveat="The criterion was written for a finger that averages over its contact.",
+            by_construction=finding.by_construction and finding.id != "finger.force",
+        )
+        for finding in found
+    )

@@ -27,6 +27,7 @@ from asperity.studies.literature.plates import Dots, Paper, Plate, Sinusoids
 from asperity.studies.literature.pressed import pressed_roughness
 from asperity.studies.otaduy_lin_2004.drags import drag_over
 from asperity.studies.otaduy_lin_2004.force_models.otaduy_lin import slope_table
+from asperity.studies.skin.fingertip import Fingertip
 from asperity.studies.skin.pressed_finger import PressedFinger
 
 _TOLERANCE = 1e-4
@@ -98,7 +99,9 @@ class Plan:
         return np.geomspace(*self.grooves, self.spacings)
 
 
-Tables = dict[tuple[Plate, float, float | Finger], tuple[PiecewiseCubic, ...]]
+_Tool = float | Finger | tuple[Fingertip, float]
+"""A probe's diameter [m], a finger, or a soft one with its normal force [N]."""
+Tables = dict[tuple[Plate, float, _Tool], tuple[PiecewiseCubic, ...]]
 
 
 @dataclass
@@ -116,6 +119,8 @@ class Laboratory:
     skin: PressedFinger | None = None
     """A finger that is judged by the pressure on its skin, whatever the metric; None: the crude
     finger of `finger.py`, judged by vibration as a probe is."""
+    fingertip: Fingertip | None = None
+    """A soft finger in the place of the crude one, judged by vibration as a probe is."""
     normal: NormalProbe | None = None
     """A probe that also moves along the normal and may lift off; None: constant normal force."""
     tables: Tables = field(default_factory=dict, repr=False)
@@ -176,7 +181,7 @@ class Laboratory:
         if key not in self._records:
             motions = [
                 drag_over(slopes.scaled(touch.force), touch.force, self.hand, touch.speed)
-                for slopes in self._slopes(plate, spacing, touch.probe)
+                for slopes in self._slopes(plate, spacing, touch)
             ]
             self._records[key] = tuple(
                 STILL if motion is None else record_of(motion, self.hand) for motion in motions
@@ -197,14 +202,17 @@ class Laboratory:
             records.append(record_of(run.motion, self.hand))
         return tuple(records)
 
-    def _slopes(
-        self, plate: Plate, spacing: float, probe: float | Finger
-    ) -> tuple[PiecewiseCubic, ...]:
+    def _slopes(self, plate: Plate, spacing: float, touch: Touch) -> tuple[PiecewiseCubic, ...]:
+        probe: _Tool = touch.probe
+        if isinstance(probe, Finger) and self.fingertip is not None:
+            probe = self.fingertip, touch.force
         key = (plate, spacing, probe)
         if key not in self.tables:
             tables = []
             for surface in plate.surfaces(spacing):
-                if isinstance(probe, Finger):
+                if isinstance(probe, tuple):
+                    tables.append(probe[0].slope_table(surface, probe[1]))
+                elif isinstance(probe, Finger):
                     tables.append(probe.slope_table(surface))
                 else:
                     tolerance = _MAP_TOLERANCE if isinstance(plate, Paper) else _TOLERANCE

@@ -11,16 +11,28 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.errors import require_choice
 from asperity.studies.literature.catalogue import FINDINGS
 from asperity.studies.literature.finding import Finding, Verdict
 from asperity.studies.literature.laboratory import Laboratory, Plan, Tables, judge_or_explain
 from asperity.studies.literature.measures import COLUMNS, Measure
+from asperity.studies.skin.fingertip import Fingertip
+from asperity.studies.skin.pressed_finger import PressedFinger
 
 MARKS = {True: "yes", False: "no", None: "skipped"}
 CHOSEN = "chosen"
 """Name of the column of the hand and metric that the search chose."""
 AFTER_THE_FACT = ("band_rms", CHOSEN)
 """Columns whose metric was chosen when outcomes were known."""
+
+FINGERS: dict[str, dict[str, Any]] = {
+    "averaging": {},
+    "pressed": {"skin": PressedFinger()},
+    # Coarser than for a study: plates of dots are long.
+    "soft": {"fingertip": Fingertip(pixel=40e-6, line=0.5e-3)},
+}
+"""Models of a bare finger: one that averages over its contact, which the table has; the unevenness
+of the pressure on skin, whatever the metric; and the soft fingertip of `finger-plate`."""
 
 
 class Column(NamedTuple):
@@ -55,14 +67,21 @@ def judge_all(
     findings: Sequence[Finding] = FINDINGS,
     plan: Plan | None = None,
     data: Path | None = None,
+    finger: str = "averaging",
     progress: Callable[[], None] | None = None,
 ) -> tuple[list[FindingResult], dict[str, Laboratory]]:
-    """Judge findings in every column; return the rows, and each column's laboratory."""
+    """Judge findings in every column, with a model of `FINGERS` as the bare finger.
+
+    Returns the rows, and each column's laboratory.
+    """
+    parts = FINGERS[require_choice("finger", finger, FINGERS)]
     tables: Tables = {}
     labs: dict[Hand, Laboratory] = {}
     for column in columns:
         if column.hand not in labs:
-            labs[column.hand] = Laboratory(column.hand, plan or Plan(), data=data, tables=tables)
+            labs[column.hand] = Laboratory(
+                column.hand, plan or Plan(), data=data, tables=tables, **parts
+            )  # fmt: skip
     rows = []
     for finding in findings:
         row, known = FindingResult(finding, {}), {}

@@ -61,9 +61,12 @@ def print_table(rows: Sequence[FindingResult], columns: Sequence[Column]) -> Non
     )
     for note in notes:
         console.print(f"skipped: {note}", highlight=False)
+    chosen = any(column.name == CHOSEN for column in columns)
+    after = "s of the 20-200 Hz band and of the last column were" if chosen else (
+        " of the 20-200 Hz band was"
+    )  # fmt: skip
     console.print(
-        "Conditions and thresholds are asperity's. The metrics of the 20-200 Hz band and of the "
-        "last column were chosen after the fact.",
+        f"Conditions and thresholds are asperity's. The metric{after} chosen after the fact.",
         highlight=False,
     )
 

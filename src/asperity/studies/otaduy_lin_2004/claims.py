@@ -55,7 +55,11 @@ def count_reproduced(claims: Sequence[Claim]) -> tuple[int, int]:
 
 
 def evaluate_claims(studies: dict[str, xr.Dataset]) -> list[Claim]:
-    """Return the claims that can be judged from `studies` (study name -> dataset)."""
+    """Return the claims that can be judged from `studies` (study name -> dataset).
+
+    The paper's claims are about rigid probes: of studies with a finger none is judged.
+    """
+    studies = {name: data for name, data in studies.items() if not of_finger(data)}
     claims = [
         _claim(studies[study], metric, *rule[:3], rule.judge(studies[study], metric))
         for study in FACTORS
@@ -66,6 +70,11 @@ def evaluate_claims(studies: dict[str, xr.Dataset]) -> list[Claim]:
     if "models" in studies:
         claims += _of_models(studies["models"])
     return claims
+
+
+def of_finger(data: xr.Dataset) -> bool:
+    """Return whether a study was of a soft finger."""
+    return data.attrs.get("tool", "probe") == "finger"
 
 
 class _Judgement(NamedTuple):

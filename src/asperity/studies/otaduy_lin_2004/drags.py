@@ -16,6 +16,7 @@ from asperity.geometry.offsets.surface import Profile
 from asperity.runs.vibration_metrics import DEFAULT_BAND, evaluate
 from asperity.studies.otaduy_lin_2004.force_models import ho, minsky, otaduy_lin, siira_pai
 from asperity.studies.otaduy_lin_2004.stimuli import StimulusOptions, surface_maker
+from asperity.studies.skin.fingertip import Fingertip
 
 MODELS = {
     "otaduy-lin": "Otaduy & Lin 2004",
@@ -55,8 +56,11 @@ class Condition:
 
     spacing: float
     diameter: float
+    """Of the probe; 0 for a finger."""
     normal_force: float
     speed: float
+    modulus: float = 0.0
+    """Young's modulus of a finger's pad [Pa]; 0 for a probe."""
 
 
 @dataclass
@@ -76,6 +80,9 @@ class DragSimulator:
         The force model, a key of `MODELS`.
     band : (low, high)
         Band of the metric `band_rms` [Hz].
+    finger : Fingertip, optional
+        A soft finger in place of the probe, with the modulus of the condition. Its path is
+        another for each normal force.
     """
 
     surface: str = "sinusoid"
@@ -83,11 +90,17 @@ class DragSimulator:
     hand: Hand = field(default_factory=Hand)
     model: str = "otaduy-lin"
     band: tuple[float, float] = DEFAULT_BAND
-    _tables: dict[tuple[float, float], PiecewiseCubic] = field(default_factory=dict, repr=False)
+    finger: Fingertip | None = None
+    _tables: dict[tuple[float, ...], PiecewiseCubic] = field(default_factory=dict, repr=False)
     _motions: dict[Condition, Motion] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         require_choice("model", self.model, MODELS)
+        if self.finger is not None and self.model != "otaduy-lin":
+            raise AsperityError(
+                f"a finger has one force, that of its energy, got model={self.model!r}; valid: "
+                "otaduy-lin"
+            )
 
     @cached_property
     def make_surface(self) -> Callable[[float], Profile]:
@@ -129,10 +142,11 @@ class DragSimulator:
             self._force(condition), condition.normal_force, self.hand, condition.speed
         )
         if motion is None:
+            tool = f"probe of {condition.diameter * 1e3:g} mm" if self.finger is None else "finger"
             raise SurfaceError(
-                f"surface {self.surface!r} is flat for a probe of {condition.diameter * 1e3:g} mm "
+                f"surface {self.surface!r} is flat for a {tool} "
                 f"at spacing {condition.spacing * 1e3:.3g} mm: there is nothing to feel; "
-                "give one with relief along the probe's path"
+                f"give one with relief along the path of the {tool.split()[0]}"
             )
         if not motion.largest > 0.0:
             raise AsperityError(
@@ -148,6 +162,12 @@ class DragSimulator:
             return minsky.texture_force(surface, force)
         if self.model == "ho":
             return ho.texture_force(surface, force)
+        if self.finger is not None:
+            key: tuple[float, ...] = (condition.spacing, condition.modulus, force)
+            if key not in self._tables:
+                finger = replace(self.finger, modulus=condition.modulus)
+                self._tables[key] = finger.slope_table(surface, force)
+            return self._tables[key].scaled(force)
         key = (condition.spacing, condition.diameter)
         if key not in self._tables:
             tolerance = 1e-3 if isinstance(surface, HeightMap) else 1e-6

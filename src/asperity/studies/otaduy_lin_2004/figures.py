@@ -23,14 +23,17 @@ from asperity.drawing.figure_style import (
 )
 from asperity.runs.third_octaves import third_octaves
 from asperity.runs.vibration_metrics import spectrum
-from asperity.studies.otaduy_lin_2004.claims import LEAST_R_SQUARED
+from asperity.studies.otaduy_lin_2004.claims import LEAST_R_SQUARED, of_finger
 
-_SCALE = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "N": (1.0, "N")}
+_SCALE = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "N": (1.0, "N"), "Pa": (1e-3, "kPa")}
 _DOTTED = (0, (2, 2))
 _RATIO = "acceleration over that\nof the probe of {}"
 
 
-_FACTORS = {"diameter": "probe diameter", "normal_force": "normal force", "speed": "speed"}
+_FACTORS = {
+    "diameter": "probe diameter", "normal_force": "normal force", "speed": "speed",
+    "modulus": "modulus of the pad",
+}  # fmt: skip
 _BANDS = (16.0, 550.0)
 """Bands that are drawn: what a hand feels as vibration [Hz]."""
 
@@ -46,7 +49,8 @@ def study_figure(data: xr.Dataset, metrics: Sequence[str]) -> Figure:
     """Return one panel for each metric of a study, one below the other, over spacing, log-log.
 
     Points are simulated; the thin line is the quadratic fit in log-log, with its R^2 in the
-    legend; the filled mark with its bar is the peak found by local refinement.
+    legend; the filled mark with its bar is the peak found by local refinement. The curves of a
+    finger have many peaks: they are lines from point to point, without fit and marks.
     """
     with style():
         figure = Figure(figsize=(REPORT_WIDTH, (4.0 if len(metrics) == 1 else 3.4) * len(metrics)))
@@ -60,19 +64,23 @@ def study_figure(data: xr.Dataset, metrics: Sequence[str]) -> Figure:
 def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
     spacing = data["spacing"].values * 1e3
     fine = np.linspace(np.log10(spacing[0]), np.log10(spacing[-1]), 200)
+    finger = of_finger(data)
     for level, label in enumerate(level_labels(data)):
         colour, marker = COLOURS[level % 6], MARKERS[level % 6]
         values = data[metric].values[level]
         repeats = data["status"].values[level] == 0
+        axis.plot(
+            spacing, np.where(repeats, np.nan, values), marker, color=colour, ms=3.4, mfc="none",
+            mew=0.8, alpha=0.9,
+        )  # fmt: skip
+        if finger:
+            axis.plot(spacing, values, color=colour, lw=1.1, label=label)
+            continue
         explained = float(data[f"{metric}_fit_r_squared"][level])
         r_squared = telling([explained], [LEAST_R_SQUARED, 1.0])[0]
         axis.plot(
             spacing, np.where(repeats, values, np.nan), marker, color=colour, ms=3.2, mew=0.0,
             alpha=0.75, label=f"{label}  (R² {r_squared})",
-        )  # fmt: skip
-        axis.plot(
-            spacing, np.where(repeats, np.nan, values), marker, color=colour, ms=3.4, mfc="none",
-            mew=0.8, alpha=0.9,
         )  # fmt: skip
         c = data[f"{metric}_fit"].values[level]
         fit = 10.0 ** (c[0] + c[1] * fine + c[2] * fine**2)
@@ -91,7 +99,7 @@ def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
     if metric == "band_rms":
         low, high = data.attrs["band"]
         title = f"RMS of u'' in {low:g}-{high:g} Hz (chosen after the fact)"
-    axis.set_title(title)
+    axis.set_title(f"Finger: {title}" if finger else title)
     low, high = np.nanmin(data[metric].values), np.nanmax(data[metric].values)
     _limit(axis, spacing, low / (high / low) ** 0.08, high * (high / low) ** 0.12)
     if data.attrs["factor"] == "diameter" and data.attrs["surface"] == "sinusoid":
@@ -99,7 +107,7 @@ def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
             drop = np.pi * np.sqrt(2.0 * data.attrs["amplitude"] * diameter) * 1e3
             axis.axvline(drop, color=COLOURS[level % 6], lw=0.9, ls=_DOTTED, zorder=0)
         axis.plot([], [], color="#666666", lw=0.9, ls=_DOTTED, label="drop point of each probe")
-    axis.set_xlabel("texture spacing [mm]")
+    axis.set_xlabel(f"texture spacing{' under the finger' if finger else ''} [mm]")
     axis.set_ylabel(
         {"band_rms": "RMS of u''", "threshold_power": "power"}.get(metric, title) + unit
     )

@@ -2,7 +2,7 @@
 
 Each varies one factor over a range of spacings and holds the others at their middle level: the
 probe's diameter, the normal force, the speed. The fourth repeats the study of the diameter with
-other force models.
+other force models. A soft finger in place of the probe has no diameter; its modulus is varied.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from asperity.runs.vibration_metrics import DEFAULT_BAND, METRICS
 from asperity.studies.otaduy_lin_2004.drags import MODELS, Condition, DragSimulator
 from asperity.studies.otaduy_lin_2004.peak_fit import Peak, QuadraticFit, fit_quadratic, refine_peak
 from asperity.studies.otaduy_lin_2004.stimuli import StimulusOptions
+from asperity.studies.skin.fingertip import Fingertip
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,6 +35,7 @@ FACTORS = {
 }
 """Study -> (name of the factor, its label, its unit)."""
 STUDIES = (*FACTORS, "models")
+_MODULUS = ("modulus", "modulus of the pad", "Pa")
 _PHASES = 2048
 
 ReportProgress = Callable[[str], None]
@@ -58,6 +60,10 @@ class StudySettings:
     """[m/s]"""
     band: tuple[float, float] = DEFAULT_BAND
     """[Hz]"""
+    finger: Fingertip | None = None
+    """A soft finger in place of the probe; its modulus is the middle one of `moduli`."""
+    moduli: tuple[float, ...] = (6e3, 12e3, 24e3)
+    """Young's moduli of a finger's pad [Pa]; people differ by a factor of two or more."""
 
     def __post_init__(self) -> None:
         low, high = self.spacing_range
@@ -70,7 +76,7 @@ class StudySettings:
             if not values:
                 raise AsperityError(f"{name} needs at least one value")
             for value in values:
-                require_positive(name, value, f"[{FACTORS[name][2]}]")
+                require_positive(name, value, f"[{self.factors()[name][2]}]")
             if list(values) != sorted(set(values)):
                 raise AsperityError(f"levels of {name} must rise, got {list(values)}")
         if not 0.0 < self.band[0] < self.band[1] < np.inf:
@@ -79,16 +85,37 @@ class StudySettings:
                 f"got {self.band[0]:g} to {self.band[1]:g} Hz"
             )
 
+    def factors(self) -> dict[str, tuple[str, str, str]]:
+        """Return what the tool's studies vary, as `FACTORS`."""
+        if self.finger is None:
+            return FACTORS
+        return {"modulus": _MODULUS, "force": FACTORS["force"], "speed": FACTORS["speed"]}
+
+    def studies(self) -> tuple[str, ...]:
+        """Return the names of the tool's studies."""
+        return STUDIES if self.finger is None else tuple(self.factors())
+
     def levels(self) -> dict[str, tuple[float, ...]]:
         """Return the levels of each factor, by study."""
-        return {"diameter": self.diameters, "force": self.forces, "speed": self.speeds}
+        own = {"diameter": self.diameters} if self.finger is None else {"modulus": self.moduli}
+        return own | {"force": self.forces, "speed": self.speeds}
 
     def middle(self) -> dict[str, float]:
         """Return the middle level of each factor, by the factor's name."""
+        factors = self.factors()
         return {
-            FACTORS[study][0]: values[(len(values) - 1) // 2]
+            factors[study][0]: values[(len(values) - 1) // 2]
             for study, values in self.levels().items()
         }
+
+    def require_surfaces(self) -> None:
+        """Raise `AsperityError` if the tool cannot be dragged over the ends of the range."""
+        make = self.simulator().make_surface
+        for spacing in self.spacing_range:
+            if self.finger is None:
+                make(spacing).tracer(max(self.diameters))
+            else:
+                replace(self.finger, modulus=min(self.moduli)).rest(make(spacing), max(self.forces))
 
     def spacing_values(self) -> NDArray[np.float64]:
         """Return the spacings [m], equally far apart in log."""
@@ -102,7 +129,9 @@ class StudySettings:
 
     def simulator(self, model: str = "otaduy-lin") -> DragSimulator:
         """Return a new simulator of drags with these settings."""
-        return DragSimulator(self.surface, self.stimulus, self.hand, model, self.band)
+        return DragSimulator(
+            self.surface, self.stimulus, self.hand, model, self.band, self.finger
+        )  # fmt: skip
 
     def sweep(self, model: str = "otaduy-lin") -> DragSimulator:
         """Return a new simulator; the deprecated name of `simulator`."""
@@ -127,7 +156,8 @@ def run_study(
     Parameters
     ----------
     name : {"diameter", "force", "speed", "models"}
-        The factor that varies; "models" varies the diameter, for each force model.
+        The factor that varies; "models" varies the diameter, for each force model. For a finger
+        "modulus", "force" or "speed".
     settings : StudySettings, optional
         Defaults as in the class.
     simulator : DragSimulator, optional
@@ -148,7 +178,7 @@ def run_study(
         The study of models has a leading dimension `model`.
     """
     settings = settings or StudySettings()
-    require_choice("study", name, STUDIES)
+    require_study(name, settings)
     if sweep is not None:
         warnings.warn(
             "run_study(sweep=...) is deprecated: use simulator=...",
@@ -169,6 +199,16 @@ def run_study(
     return dataset
 
 
+def require_study(name: str, settings: StudySettings, *more: str) -> None:
+    """Raise `AsperityError` unless a name is that of a study of the tool, or one of `more`."""
+    studies = (*settings.studies(), *more)
+    others = {*STUDIES, _MODULUS[0]} - {*studies}
+    if name in others:
+        tool = "a probe" if settings.finger is None else "a finger"
+        raise AsperityError(f"{tool} has no study {name!r}; valid: {', '.join(studies)}")
+    require_choice("study", name, studies)
+
+
 def _run_factor(
     study: str,
     settings: StudySettings,
@@ -179,13 +219,13 @@ def _run_factor(
 ) -> xr.Dataset:
     import xarray as xr  # slow to import
 
-    factor, label, unit = FACTORS[study]
+    factor, label, unit = settings.factors()[study]
     levels, spacing = settings.levels()[study], settings.spacing_values()
     motions: list[list[Motion]] = []
     values: dict[str, list[list[float]]] = {metric: [] for metric in METRICS}
     found: dict[str, list[Peak]] = {metric: [] for metric in METRICS}
     for level in levels:
-        fixed = settings.middle() | {factor: level}
+        fixed = {"diameter": 0.0} | settings.middle() | {factor: level}
         conditions = [Condition(spacing=float(s), **fixed) for s in spacing]
         motions.append([])
         for condition in conditions:
@@ -270,10 +310,14 @@ def _attributes(study: str, factor: str, settings: StudySettings) -> dict[str, o
     """Return the settings needed to repeat the study."""
     stimulus, hand = settings.stimulus, settings.hand
     held = {f"held_{key}": value for key, value in settings.middle().items() if key != factor}
+    if settings.finger is not None:
+        pad = asdict(settings.finger)
+        held |= {f"finger_{key}": value for key, value in pad.items() if key != "modulus"}
     return {
         "schema": 1,
         "study": study,
         "factor": factor,
+        "tool": "probe" if settings.finger is None else "finger",
         # The name of a file need not be valid UTF-8.
         "surface": os.fsencode(settings.surface).decode("utf-8", "replace"),
         "amplitude": stimulus.amplitude,

@@ -10,9 +10,12 @@ import xarray as xr
 
 from asperity.drawing import figure_style
 from asperity.runs.vibration_metrics import METRICS
-from asperity.studies.otaduy_lin_2004.claims import Claim, evaluate_claims
+from asperity.studies.otaduy_lin_2004.claims import Claim, evaluate_claims, of_finger
 from asperity.studies.otaduy_lin_2004.drags import MODELS
 from asperity.studies.otaduy_lin_2004.figures import models_figure, study_figure
+
+NOT_JUDGED = "the paper's claims are about rigid probes; none is judged for a finger"
+"""The note in `claims.json` of studies with a finger."""
 
 
 def write_studies(
@@ -46,7 +49,8 @@ def write_studies(
         if metric:
             figure_style.save(study_figure(data, [metric]), folder, name, kinds)
     claims = evaluate_claims(studies)
-    write_claims(claims, folder / "claims.json")
+    note = NOT_JUDGED if any(of_finger(data) for data in studies.values()) else ""
+    write_claims(claims, folder / "claims.json", note)
     return claims
 
 
@@ -58,6 +62,7 @@ def write_dataset(data: xr.Dataset, path: Path) -> None:
     data.to_netcdf(path, engine="h5netcdf", encoding=packed)
 
 
-def write_claims(claims: list[Claim], path: Path) -> None:
-    """Write claims as JSON."""
-    path.write_text(json.dumps({"claims": claims}, indent=2, ensure_ascii=False) + "\n", "utf-8")
+def write_claims(claims: list[Claim], path: Path, note: str = "") -> None:
+    """Write claims as JSON, with a note if there is one."""
+    content = {"claims": claims} | ({"note": note} if note else {})
+    path.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", "utf-8")
