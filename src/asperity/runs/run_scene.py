@@ -80,7 +80,7 @@ def run_scene(
     source : str
         What `load_scene` needs to load the scene again, for `replay`. Default: its name.
     field_rate : float
-        Rate at which the pressure and shear of a soft skin are recorded [Hz], at most that of the
+        Rate at which the pressure and shear of a soft body are recorded [Hz], at most that of the
         ticks; 0 records none.
     on_tick : callable
         Called after each tick with its number and what there is so far.
@@ -103,7 +103,9 @@ def run_scene(
     controller = PassivityController(simulation.dt) if hand else None
     with ExitStack() as stack:
         writer = recording and stack.enter_context(RecordingWriter(recording, attributes))
-        fields = FieldWriter(writer.file, scene.skin) if writer and scene.skin and every else None
+        engine = simulation.stage.engine
+        is_kept = bool(writer and scene.soft and every)
+        fields = FieldWriter(writer.file, engine.grid) if writer and is_kept else None
 
         def keep(i: int, rollout: Rollout) -> None:
             nonlocal best, largest, written
@@ -117,7 +119,7 @@ def run_scene(
                 writer.add_rows(variables_of(rollout, slice(written, i + 1)))
                 written = i + 1
             if fields and i % every == 0:
-                fields.add(float(rollout.time[i]), simulation.stage.engine.skin)
+                fields.add(float(rollout.time[i]), engine.skin)
             on_tick(i, rollout)
 
         rollout = simulation.rollout(trajectory, hand=held, controller=controller, on_tick=keep)

@@ -1,7 +1,8 @@
-"""The pressure on a soft skin as a coloured map, of scenes that have one.
+"""The pressure on a soft body as a coloured map, of scenes that have one.
 
 The loop passes on where the tool is, not the pressure of thousands of taxels. It follows from the
-pose, so the page computes it, in a thread: without the friction, which depends on the motion.
+pose, so the page computes it, in a thread: without the friction, which depends on the motion, and
+of an elastic body as it is at rest under the tool.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.scene.scene import Scene
-from asperity.simulation.skin_engine import SkinEngine
+from asperity.simulation.soft_engine import soft_engine
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.server.pace import step_back
 from asperity.viewer.servo_client import ServoClient
@@ -37,8 +38,11 @@ class PressureMap(NamedTuple):
     """Of the contact [m^2]."""
 
 
-def pressure_map(engine: SkinEngine, pose: NDArray[np.float64], lightest: float) -> PressureMap:
-    """Return the map at a pose of the tool (7,), on a scale up to `lightest` [Pa] or more."""
+def pressure_map(engine: Any, pose: NDArray[np.float64], lightest: float) -> PressureMap:
+    """Return the map at a pose of the tool (7,), on a scale up to `lightest` [Pa] or more.
+
+    `engine` is that of a soft body; see `soft_engine`.
+    """
     from asperity.runs.pressure_figure import pressure_image  # slow to import
 
     engine.wrench(pose, 0.0)
@@ -51,14 +55,14 @@ def pressure_map(engine: SkinEngine, pose: NDArray[np.float64], lightest: float)
 
 
 class PressurePanel(Panel):
-    """The map, while the scene has a soft skin and a browser looks."""
+    """The map, while the scene has a soft body and a browser looks."""
 
     title = "Plots"
 
     def __init__(self) -> None:
         self._generation = -1
         self._scene: Scene | None = None
-        self._engine: tuple[Scene, SkinEngine] | None = None
+        self._engine: tuple[Scene, Any] | None = None
         self._pose: NDArray[np.float64] = np.zeros(7)
         self._lightest = 0.0
         self._making: Future[PressureMap] | None = None
@@ -68,7 +72,7 @@ class PressurePanel(Panel):
         """Add the map, hidden."""
         self._server, self._servo = server, servo
         black = np.zeros((256, 256, 3), np.uint8)
-        self._image: Any = server.gui.add_image(black, label="pressure on the skin", visible=False)
+        self._image: Any = server.gui.add_image(black, label="pressure", visible=False)
         self._text: Any = server.gui.add_markdown("", visible=False)
 
     def update(self, frame: Frame) -> None:
@@ -86,14 +90,13 @@ class PressurePanel(Panel):
 
     def _begin(self, generation: int) -> None:
         scene = self._servo.config.scene
-        self._generation, self._scene = generation, scene if scene.skin is not None else None
+        self._generation, self._scene = generation, scene if scene.soft is not None else None
         self._lightest, self._pose = 0.0, np.zeros(7)
         self._image.visible = self._text.visible = self._scene is not None
 
     def _made(self, scene: Scene, pose: NDArray[np.float64]) -> PressureMap:
-        assert scene.skin is not None
         if self._engine is None or self._engine[0] is not scene:
-            self._engine = scene, SkinEngine(scene, scene.skin)
+            self._engine = scene, soft_engine(scene)
         return pressure_map(self._engine[1], pose, self._lightest)
 
     def _show(self) -> None:
@@ -104,7 +107,7 @@ class PressurePanel(Panel):
         try:
             shown = job.result()
         except Exception:  # the page goes on without the map
-            logging.getLogger(__name__).exception("the pressure on the skin cannot be drawn")
+            logging.getLogger(__name__).exception("the pressure cannot be drawn")
             self._scene = None
             return
         self._lightest = shown.lightest
