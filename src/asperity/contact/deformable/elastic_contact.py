@@ -201,9 +201,10 @@ class ElasticContact:
         error larger is halved. The contact is left as it is at these displacements.
         """
         goal = _STEP_ERROR * self.surface.surface.thickness
-        force = self._force
-        u = _plus(free, self._yield, force)
+        # From where the surface goes on as it moved: with the last forces on it, these would leap.
+        u = self._u + dt * self._speed
         error = self._error(u, free, dt)
+        first = force = self.surface.state.force.ravel().copy()
         slipping = 1.0
         for _ in range(_NEWTON_STEPS):
             if error <= goal:
@@ -223,7 +224,7 @@ class ElasticContact:
                 found = self._error(u, free, dt)
             error = found
         self.error = error
-        return force, u
+        return force, (_plus(free, self._yield, force) if force is first else u)
 
     def _error(self, u: Array, free: Array, dt: float) -> float:
         """Return how far displacements are from those that their contact causes [m]."""

@@ -1,8 +1,8 @@
-"""Soft bodies under a rigid probe: a textured sponge, as springs or as an elastic block, and soft
-skin over a hidden lump.
+"""Soft bodies under a rigid probe: a textured sponge, soft skin over a hidden lump, and an elastic
+block with dots.
 
-All sizes and moduli are chosen, none is measured: a sponge as soft as foam rubber, and tissue about
-as soft as the `finger_plate`'s pad. The lump is a rigid ball, as in models on which palpation is
+All sizes and moduli are chosen, none is measured: a sponge as soft as foam rubber, tissue about
+as soft as the `finger_plate`'s pad, and a block as soft as soft silicone rubber. The lump is a rigid ball, as in models on which palpation is
 trained; real ones are stiff, not rigid.
 """
 
@@ -23,11 +23,13 @@ TISSUE: dict[str, Any] = {
 }  # fmt: skip
 """The table `[bodies.tissue.skin]`: its lump's top is 3.5 mm below the surface."""
 BLOCK: dict[str, Any] = {
-    "modulus": 6e4, "poisson": 0.3, "density": 300.0, "damping": 0.1, "modes": 24,
-    "spacing": 5e-3, "friction": 0.5, "layer_thickness": 2.5e-3, "layer_modulus": 6e4,
-    "pitch": 4e-4,
+    "modulus": 7e4, "poisson": 0.45, "density": 1070.0, "damping": 0.1, "modes": 24,
+    "spacing": 5e-3, "friction": 0.5, "layer_thickness": 2.5e-3, "pitch": 6e-4,
 }  # fmt: skip
-"""The table `[bodies.block.elastic]`, as soft as foam rubber."""
+"""The table `[bodies.block.elastic]`, as soft and heavy as the softest silicone rubbers."""
+DOTS: dict[str, Any] = {
+    "kind": "jittered_dots", "pitch": 3e-3, "height": 3e-4, "diameter": 1.6e-3, "seed": 4,
+}  # fmt: skip
 PORES: dict[str, Any] = {
     "kind": "rough", "size": 0.0256, "pixel_size": 1e-4, "hurst": 0.6, "rms_slope": 0.4,
     "rolloff": 2.5e-3, "cutoff": 5e-4, "seed": 3,
@@ -64,7 +66,7 @@ def elastic_block() -> Scene:
         name="block", low=-0.01, length=0.025, width=0.0175, half=0.01, colour="0.55 0.72 0.52",
         start="-0.012 0", radius=0.006,
     )  # fmt: skip
-    table = {"texture": PORES, "elastic": BLOCK}
+    table = {"texture": DOTS, "elastic": BLOCK}
     return _scene("elastic-block", "block", bodies, table, {"length": 0.024})
 
 
