@@ -1,4 +1,4 @@
-"""Pictures of the pressure on a soft skin: frames in one figure, and a sequence of images."""
+"""Pictures of the pressure on a soft body: frames in one figure, and a sequence of images."""
 
 from __future__ import annotations
 
@@ -112,5 +112,5 @@ def pressure_image(pressure: Array, largest: float) -> NDArray[np.uint8]:
 def write_pressure(folder: Path, name: str) -> None:
     """Write `pressure.png` and the images in `pressure/` of the recording in a folder."""
     fields = read_fields(folder)
-    save(pressure_figure(fields, f"{name}: pressure on the skin"), folder, "pressure", ("png",))
+    save(pressure_figure(fields, f"{name}: pressure"), folder, "pressure", ("png",))
     pressure_images(folder, folder / "pressure")

@@ -88,7 +88,8 @@ def run_scene(
     motion = scene.motion if motion is None else motion
     simulation = Simulation(scene, dt=dt)
     trajectory = simulation.trajectory(motion)
-    best = ContactMoment.of(0.0, trajectory.poses[0], simulation.contacts)
+    stage = simulation.stage
+    best = ContactMoment.of(0.0, trajectory.poses[0], simulation.contacts, stage.displacements)
     largest, written = -1.0, 0
     attributes = {
         "scene": scene.name, "source": source, "trajectory": trajectory.name,
@@ -103,9 +104,8 @@ def run_scene(
     controller = PassivityController(simulation.dt) if hand else None
     with ExitStack() as stack:
         writer = recording and stack.enter_context(RecordingWriter(recording, attributes))
-        engine = simulation.stage.engine
         is_kept = bool(writer and scene.soft and every)
-        fields = FieldWriter(writer.file, engine.grid) if writer and is_kept else None
+        fields = FieldWriter(writer.file, stage.engine.grid) if writer and is_kept else None
 
         def keep(i: int, rollout: Rollout) -> None:
             nonlocal best, largest, written
@@ -113,13 +113,14 @@ def run_scene(
             if across > largest:
                 largest = across
                 best = ContactMoment.of(
-                    float(rollout.time[i]), rollout.tool_pose[i], simulation.contacts
+                    float(rollout.time[i]), rollout.tool_pose[i], simulation.contacts,
+                    stage.displacements,
                 )
             if writer and i + 1 - written == _ROWS:
                 writer.add_rows(variables_of(rollout, slice(written, i + 1)))
                 written = i + 1
             if fields and i % every == 0:
-                fields.add(float(rollout.time[i]), engine.skin)
+                fields.add(float(rollout.time[i]), stage.engine.skin)
             on_tick(i, rollout)
 
         rollout = simulation.rollout(trajectory, hand=held, controller=controller, on_tick=keep)

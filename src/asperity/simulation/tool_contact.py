@@ -143,6 +143,11 @@ class ToolContact:
         return self.engine.contacts
 
     @property
+    def displacements(self) -> Array | None:
+        """Of the vertices of an elastic body at the last pose [m], (v, 3); None without one."""
+        return None if self.scene.elastic is None else np.asarray(self.engine.displacements)
+
+    @property
     def contact_count(self) -> int:
         """Number of contacts at the last pose."""
         return int(self.engine.contacts.count[0])

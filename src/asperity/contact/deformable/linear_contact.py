@@ -91,20 +91,21 @@ def _number_vertices(faces, local, vertex):
 
 
 @inner_kernel
-def _fill_system(faces, springs, compliance, local, vertex, matrix):
-    """Fill `I + K C` of the numbered vertices, three rows each."""
-    count = matrix.shape[0] // 3
-    for i in range(3 * count):
-        for j in range(3 * count):
+def _fill_system(faces, springs, compliance, local, vertex, part, matrix):
+    """Fill `I + K C` of the numbered vertices, three rows each, and C of these alone, `part`."""
+    n = matrix.shape[0]
+    for i in range(n):
+        row = compliance[3 * vertex[i // 3] + i % 3]
+        for j in range(n):
+            part[i, j] = row[3 * vertex[j // 3] + j % 3]
             matrix[i, j] = 1.0 if i == j else 0.0
     for row in range(faces.shape[0]):
         for i in range(9):
-            at = 3 * local[faces[row, i // 3]] + i % 3
+            filled = matrix[3 * local[faces[row, i // 3]] + i % 3]
             for j in range(9):
-                spring, other = springs[row, i, j], 3 * faces[row, j // 3] + j % 3
-                for k in range(count):
-                    for axis in range(3):
-                        matrix[at, 3 * k + axis] += spring * compliance[other, 3 * vertex[k] + axis]
+                spring, other = springs[row, i, j], part[3 * local[faces[row, j // 3]] + j % 3]
+                for k in range(n):
+                    filled[k] += spring * other[k]
 
 
 @kernel
@@ -135,7 +136,8 @@ def agreeing_forces(faces, springs, compliance, free, place, force, out):
         if out[i] != 0.0:
             for k in range(out.size):
                 base[k] += out[i] * compliance[i, k]
-    matrix, right, order = np.empty((n, n)), np.empty((n, 1)), np.empty(n, np.int64)
+    matrix, part = np.empty((n, n)), np.empty((n, n))
+    right, order = np.empty((n, 1)), np.empty(n, np.int64)
     for i in range(n):
         right[i, 0] = force[3 * vertex[i // 3] + i % 3]
     for row in range(faces.shape[0]):
@@ -144,7 +146,7 @@ def agreeing_forces(faces, springs, compliance, free, place, force, out):
             for j in range(9):
                 other = 3 * faces[row, j // 3] + j % 3
                 right[at, 0] -= springs[row, i, j] * (base[other] - place[other])
-    _fill_system(faces, springs, compliance, local, vertex, matrix)
+    _fill_system(faces, springs, compliance, local, vertex, part, matrix)
     _eliminate(matrix, right, order)
     for k in range(n):
         out[3 * vertex[k // 3] + k % 3] = right[order[k], 0]
@@ -170,7 +172,8 @@ def yielding_stiffness(faces, springs, compliance, arms, out):
     v = arms.shape[0]
     local, vertex = np.empty(v, np.int64), np.empty(v, np.int64)
     n = 3 * _number_vertices(faces, local, vertex)
-    matrix, right, order = np.empty((n, n)), np.zeros((n, 6)), np.empty(n, np.int64)
+    matrix, part = np.empty((n, n)), np.empty((n, n))
+    right, order = np.zeros((n, 6)), np.empty(n, np.int64)
     for row in range(faces.shape[0]):
         for i in range(9):
             at = 3 * local[faces[row, i // 3]] + i % 3
@@ -180,7 +183,7 @@ def yielding_stiffness(faces, springs, compliance, arms, out):
                 right[at, axis] += spring
                 right[at, 3 + one] += spring * arm[two]  # (rotation x arm) along the axis
                 right[at, 3 + two] -= spring * arm[one]
-    _fill_system(faces, springs, compliance, local, vertex, matrix)
+    _fill_system(faces, springs, compliance, local, vertex, part, matrix)
     _eliminate(matrix, right, order)
     out[:] = 0.0
     for k in range(n):

@@ -114,6 +114,19 @@ class DeformableSurface:
         across = crosses(self.mesh.vertices[self.mesh.faces])
         return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
+    def corner_normals(self, vertices: Array) -> Array:
+        """Return the unit normals at the corners of the triangles (m, 3, 3), for places (v, 3)."""
+        arrays = self.arrays
+        corners = vertices[arrays.faces]
+        across = crosses(corners)
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        edges = [corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], across]
+        own = np.einsum("mck,kmi->mci", arrays.tilt, np.array(edges))
+        total = np.zeros((len(arrays.first_member) - 1, 3))
+        np.add.at(total, arrays.shared, own)
+        total /= np.linalg.norm(total, axis=1, keepdims=True)
+        return np.asarray(total[arrays.shared])
+
     @cached_property
     def arrays(self) -> SurfaceArrays:
         """The surface at rest, as kernels take it."""

@@ -24,11 +24,12 @@ TISSUE: dict[str, Any] = {
 """The table `[bodies.tissue.skin]`: its lump's top is 3.5 mm below the surface."""
 BLOCK: dict[str, Any] = {
     "modulus": 7e4, "poisson": 0.45, "density": 1070.0, "damping": 0.1, "modes": 24,
-    "spacing": 5e-3, "friction": 0.5, "layer_thickness": 2.5e-3, "pitch": 6e-4,
+    "spacing": 3.5e-3, "friction": 0.5, "layer_thickness": 2e-3, "pitch": 8e-4,
 }  # fmt: skip
 """The table `[bodies.block.elastic]`, as soft and heavy as the softest silicone rubbers."""
 DOTS: dict[str, Any] = {
-    "kind": "jittered_dots", "pitch": 3e-3, "height": 3e-4, "diameter": 1.6e-3, "seed": 4,
+    "kind": "jittered_dots", "pitch": 4e-3, "height": 4e-4, "diameter": 2.2e-3, "seed": 4,
+    "mapping": "triplanar",
 }  # fmt: skip
 PORES: dict[str, Any] = {
     "kind": "rough", "size": 0.0256, "pixel_size": 1e-4, "hurst": 0.6, "rms_slope": 0.4,
@@ -63,11 +64,11 @@ def sponge() -> Scene:
 def elastic_block() -> Scene:
     """Return the scene of a ball on a stem that is rubbed over a textured elastic block."""
     bodies = _BODIES.format(
-        name="block", low=-0.01, length=0.025, width=0.0175, half=0.01, colour="0.55 0.72 0.52",
-        start="-0.012 0", radius=0.006,
+        name="block", low=-0.007, length=0.021, width=0.014, half=0.007, colour="0.55 0.72 0.52",
+        start="-0.01 0", radius=0.008,
     )  # fmt: skip
     table = {"texture": DOTS, "elastic": BLOCK}
-    return _scene("elastic-block", "block", bodies, table, {"length": 0.024})
+    return _scene("elastic-block", "block", bodies, table, {"length": 0.02})
 
 
 def palpation() -> Scene:
