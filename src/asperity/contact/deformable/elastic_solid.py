@@ -30,7 +30,7 @@ from asperity.contact.deformable.elastic_body import (
 from asperity.contact.deformable.elastic_contact import ElasticContact
 from asperity.contact.deformable.surface import DeformableSurface
 from asperity.contact.soft.skin import foundation_modulus
-from asperity.errors import AsperityError, require_between, require_choice, require_positive
+from asperity.errors import AsperityError, did_you_mean, require_between, require_positive
 from asperity.geometry.bodies import Body
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.mesh.topology import crosses
@@ -111,7 +111,10 @@ class ElasticSolid:
             raise AsperityError(f"modes must be a whole number, got {self.modes!r}")
         object.__setattr__(self, "modes", int(self.modes))
         if self.fixed not in SIDES:
-            require_choice("fixed side", self.fixed, SIDES)
+            raise AsperityError(
+                f"fixed must be one of {', '.join(SIDES)}, got {self.fixed!r}"
+                f"{did_you_mean(self.fixed, SIDES)}"
+            )
         require_between("friction", self.friction, 0.0, 100.0)
         for name in ("spacing", "fixed_depth", "layer_thickness", "pitch"):
             if getattr(self, name) is not None:
