@@ -29,6 +29,8 @@ _CERTIFIED = 0.99
 """Share of certified depths below which a run has a note."""
 _LATE = 0.01
 """Share of ticks longer than the period from which on a run has a note."""
+_LINEAR = 0.2
+"""Displacement over the smallest side of an elastic body above which a run has a note."""
 _ROWS = 256
 """Ticks that go into the recording at once."""
 _LINE = {"radius", "turning"}
@@ -133,6 +135,12 @@ def run_scene(
             **controller.summary(),
         },
     }  # fmt: skip
+    if scene.elastic is not None and stage.engine.strain > _LINEAR:
+        summary["notes"].append(
+            f"{scene.elastic.body.name} was displaced by up to {100 * stage.engine.strain:.3g} % of "
+            f"its smallest side: beyond some {100 * _LINEAR:.0f} % the forces of a linear body are "
+            "wrong; press less, or take a stiffer or thicker one"
+        )
     if isinstance(motion, Trajectory):
         summary["notes"] += [f"{motion.name}: {note}" for note in motion.notes]
     return Run(rollout, best, summary)

@@ -23,6 +23,8 @@ _LEAP = 0.01
 placed elsewhere."""
 _MOST = 60
 """Newton steps in which the body has to come to rest."""
+_FARTHEST = 0.5
+"""Largest displacement, over the smallest side of the body; a project default."""
 _NOT_CERTIFIED = 1
 """Status of a contact whose displacements are not those of the body."""
 
@@ -35,9 +37,10 @@ class ElasticEngine:
     contact, where there is one, is the sum of all taxels: at the centre of pressure, with the
     largest compression of the layer as its depth.
 
-    Where a linear body cannot bear the tool (it turns inside out), it stays as it was last, and the
-    layer alone yields, so that the force goes on; such contacts are not certified. It moves again
-    once the tool presses the layer less than it did there.
+    A linear body would be pressed flat, and turn inside out. So where it would be displaced by more
+    than half of its smallest side it stays as it is there, and the layer alone yields: the force
+    goes on, and such contacts are not certified. The body moves again once the tool presses the
+    layer less than it did then.
     """
 
     def __init__(self, scene: Scene, solid: ElasticSolid) -> None:
@@ -50,6 +53,7 @@ class ElasticEngine:
         self.centre = np.array(scene.model.body(scene.tool).ipos)
         tool = [body for body in scene.bodies if body.name == scene.tool]
         self.elastic = solid.contact(tool, centres=[self.centre], leap=_LEAP)
+        self._side = float(np.ptp(self.elastic.body.mesh.vertices, axis=0).min())
         self.contacts = empty_contacts(1)
         self.was_cut = False
         self.reset()
@@ -68,6 +72,8 @@ class ElasticEngine:
         """Put the body at rest, without contact."""
         self.elastic.reset()
         self._is_new, self._stopped = True, math.inf
+        self.strain = 0.0
+        """Largest displacement since, over the smallest side of the body."""
         self._shape = np.zeros_like(self.elastic.body.mesh.vertices)
         self._found: ContactDerivatives | None = None
         self.contacts.count[:] = 0
@@ -96,7 +102,7 @@ class ElasticEngine:
 
     def _move(self, pose: Array, dt: float) -> None:
         """Bring the body to where it is with the tool at a pose in its frame."""
-        elastic, is_bearable = self.elastic, False
+        elastic = self.elastic
         if self._stopped < math.inf:
             self._press_stopped(pose)
             if elastic.surface.energy >= self._stopped:
@@ -106,14 +112,19 @@ class ElasticEngine:
                 elastic.settle([pose], most=_MOST)
             else:
                 elastic.step([pose], dt)
-            is_bearable = True
+            found = elastic.displacements
+            share = _FARTHEST * self._side / max(float(np.abs(found).max()), 1e-30)
         except AsperityError:
-            self._press_stopped(pose)
-        if is_bearable:
-            self._stopped, self._shape = math.inf, elastic.displacements
+            found, share = self._shape, 0.0
+        self._shape = found if share == 0.0 else min(share, 1.0) * found
+        if share >= 1.0:
+            self._stopped = math.inf
             self.contacts.status[0] = 0 if elastic.is_accurate else _NOT_CERTIFIED
+            self.strain = max(self.strain, _FARTHEST / share)
         else:
+            self._press_stopped(pose)
             self._stopped = min(self._stopped, elastic.surface.energy)
+            self.strain = _FARTHEST
 
     def _press_stopped(self, pose: Array) -> None:
         """Press the layer alone, with the body as it was last."""

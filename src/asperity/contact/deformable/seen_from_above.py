@@ -1,4 +1,8 @@
-"""Pressure and shear of a deformable surface on a grid, as they are seen along z from above."""
+"""Pressure and shear of a deformable surface on a grid, as they are seen along z from above.
+
+A cell has the mean over places that are spread evenly over it, so that the sum over all cells is
+that over the taxels, but for the cells' size.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +16,12 @@ _STEEPEST = 0.2
 """Least cosine between z and a triangle that is seen, as of the taxels of a soft skin."""
 _MOST_CELLS = 256
 """Along one side of the grid."""
+_SAMPLES = 4
+"""Places along each side of a cell, whose mean it has."""
 
 
 class TaxelGrid:
-    """The taxels that are seen from above, where the surface is at rest: one at each cell's middle.
+    """The taxels that are seen from above in each cell of a grid, where the surface is at rest.
 
     Attributes
     ----------
@@ -23,8 +29,8 @@ class TaxelGrid:
         Rows (along y) and columns (along x) of cells about as large as a taxel.
     extent : (4,) of float
         Ends of the grid along columns, and along rows [m]: first, last, first, last.
-    taxel : (rows, columns) array of int
-        Number of the taxel; -1 where there is none.
+    taxel : (rows, columns, 4, 4) array of int
+        Number of the taxel at places spread evenly over the cell; -1 where there is none.
     """
 
     def __init__(self, surface: DeformableSurface) -> None:
@@ -34,10 +40,10 @@ class TaxelGrid:
         columns, rows = np.maximum(np.rint((high - low) / cell), 1.0).astype(int).tolist()
         self.taxels = rows, columns
         self.extent = float(low[0]), float(high[0]), float(low[1]), float(high[1])
-        x = low[0] + (np.arange(columns) + 0.5) * ((high[0] - low[0]) / columns)
-        y = low[1] + (np.arange(rows) + 0.5) * ((high[1] - low[1]) / rows)
-        self.taxel: Indices = np.full(self.taxels, -1)
-        top = np.full(self.taxels, -np.inf)
+        across, along = _SAMPLES * columns, _SAMPLES * rows
+        x = low[0] + (np.arange(across) + 0.5) * ((high[0] - low[0]) / across)
+        y = low[1] + (np.arange(along) + 0.5) * ((high[1] - low[1]) / along)
+        taxel, top = np.full((along, across), -1), np.full((along, across), -np.inf)
         for face in np.flatnonzero(surface.normals[:, 2] > _STEEPEST):
             corners = mesh.vertices[mesh.faces[face]]
             (left, front), (right, back) = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
@@ -51,8 +57,10 @@ class TaxelGrid:
             first, last = arrays.first[face], arrays.first[face + 1]
             apart = weights[:, :, None] - arrays.weight[first:last]
             nearest = first + (apart**2).sum(axis=3).argmin(axis=2)
-            self.taxel[inside] = np.where(is_seen, nearest, self.taxel[inside])
+            taxel[inside] = np.where(is_seen, nearest, taxel[inside])
             top[inside] = np.where(is_seen, height, top[inside])
+        cells = taxel.reshape(rows, _SAMPLES, columns, _SAMPLES)
+        self.taxel: Indices = np.ascontiguousarray(cells.swapaxes(1, 2))
 
 
 class SeenFromAbove:
@@ -86,4 +94,4 @@ class SeenFromAbove:
     def _spread(self, values: Array) -> Array:
         found = values[self._grid.taxel]
         found[self._grid.taxel < 0] = 0.0
-        return found
+        return np.asarray(found.mean(axis=(2, 3)))
