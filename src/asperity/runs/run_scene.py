@@ -114,9 +114,9 @@ def run_scene(
             across = _across(simulation)
             if across > largest:
                 largest = across
+                pose = rollout.tool_pose[i]
                 best = ContactMoment.of(
-                    float(rollout.time[i]), rollout.tool_pose[i], simulation.contacts,
-                    stage.displacements,
+                    float(rollout.time[i]), pose, simulation.contacts, stage.displacements
                 )
             if writer and i + 1 - written == _ROWS:
                 writer.add_rows(variables_of(rollout, slice(written, i + 1)))
@@ -137,9 +137,9 @@ def run_scene(
     }  # fmt: skip
     if scene.elastic is not None and stage.engine.strain > _LINEAR:
         summary["notes"].append(
-            f"{scene.elastic.body.name} was displaced by up to {100 * stage.engine.strain:.3g} % of "
-            f"its smallest side: beyond some {100 * _LINEAR:.0f} % the forces of a linear body are "
-            "wrong; press less, or take a stiffer or thicker one"
+            f"{scene.elastic.body.name} was displaced by up to {100 * stage.engine.strain:.3g} % "
+            f"of its smallest side: beyond some {100 * _LINEAR:.0f} % a linear body has wrong "
+            "forces; press less, or take a stiffer or thicker one"
         )
     if isinstance(motion, Trajectory):
         summary["notes"] += [f"{motion.name}: {note}" for note in motion.notes]

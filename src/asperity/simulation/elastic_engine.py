@@ -30,7 +30,7 @@ _NOT_CERTIFIED = 1
 
 
 class ElasticEngine:
-    """Contact of a scene's tool with its elastic body, which has a state of its own.
+    """Contact of a scene's tool with its elastic body, which has a state.
 
     It has what `ToolContact` asks of a `ContactSolver`. The first pose after `reset`, and each with
     `dt` 0, finds the body at rest under the tool; every other pose advances it by `dt`. Its

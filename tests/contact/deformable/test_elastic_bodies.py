@@ -247,7 +247,7 @@ def test_a_surface_between_the_nodes_moves_with_them():
 @pytest.mark.parametrize("quadratic", [False, True])
 def test_an_even_strain_is_reproduced_exactly(quadratic):
     """The embedding of a surface gives an even strain to rounding, and its energy is exact."""
-    nodes, tetrahedra, faces = box_tetrahedra((15e-3, 12e-3, 6e-3), (3, 4, 2))
+    nodes, tetrahedra, _ = box_tetrahedra((15e-3, 12e-3, 6e-3), (3, 4, 2))
     unknowns = elements.unknowns_of(tetrahedra, len(nodes), quadratic)
     mesh = sheet(6)
     onto = elements.embedding(mesh, nodes, tetrahedra, unknowns)

@@ -233,7 +233,7 @@ class ElasticContact:
         return float(np.abs(u - found).max())
 
     def derivatives(self) -> tuple[Array, Array]:
-        """Return stiffness and damping (6, 6) that the first body felt in the last step, or at rest.
+        """Return stiffness and damping (6, 6) that the first body feels in a step, or at rest.
 
         About its centre, in the frame of the elastic body, of contact and yielding body together,
         as Gauss and Newton take them: over the step; or at rest, over any time, without damping.

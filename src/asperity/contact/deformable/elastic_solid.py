@@ -134,9 +134,9 @@ class ElasticSolid:
     def _choose(self) -> None:
         """Set what is not given, and note it."""
         chosen = {}
+        spacing = self._usual_spacing() if self.spacing is None else float(self.spacing)
         if self.spacing is None:
-            chosen["spacing"] = self._usual_spacing()
-        spacing = float(chosen.get("spacing", self.spacing))
+            chosen["spacing"] = spacing
         if self.fixed_depth is None:
             object.__setattr__(self, "fixed_depth", 0.25 * spacing)
         if self.layer_thickness is None:

@@ -75,7 +75,7 @@ def _eliminate(matrix, right, order):
 
 @inner_kernel
 def _number_vertices(faces, local, vertex):
-    """Number the vertices of triangles in the order of their first use; return how many.
+    """Fill the numbers of the vertices of triangles, by their first use; return how many.
 
     `local` (v,) has the number of a vertex, or -1; `vertex` the vertex of a number.
     """

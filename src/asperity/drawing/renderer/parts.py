@@ -69,8 +69,9 @@ def scene_parts(scene: Scene, tool_pose: Array, bent: Array | None = None) -> li
         pose = tool_pose if is_tool else np.concatenate([data.xpos[i], data.xquat[i]])
         colours = [_colour(scene.model, k, is_tool) for k, _ in owned[body.name]]
         solid = scene.elastic
-        is_bent = bent is not None and solid is not None and solid.body.name == body.name
-        shape = (solid.surface, bent) if is_bent else None
+        shape = None
+        if solid is not None and bent is not None and solid.body.name == body.name:
+            shape = solid.surface, bent
         if body.mesh is None:
             parts += [Part(one, None, colours[0], pose, is_tool, shape) for one in body.parts]
             continue

@@ -63,6 +63,6 @@ def load_scene(name_or_path: str | Path, *, seed: int | None = None) -> Scene:
 
 
 __all__ = [
-    "PROBE_PLATES", "SCENES", "elastic_block", "file_cad", "finger_plate", "hammer_blocks", "load_scene",
-    "palpation", "probe_plate", "sponge", "tactile_map",
+    "PROBE_PLATES", "SCENES", "elastic_block", "file_cad", "finger_plate", "hammer_blocks",
+    "load_scene", "palpation", "probe_plate", "sponge", "tactile_map",
 ]  # fmt: skip

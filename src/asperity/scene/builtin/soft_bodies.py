@@ -1,9 +1,8 @@
-"""Soft bodies under a rigid probe: a textured sponge, soft skin over a hidden lump, and an elastic
-block with dots.
+"""Soft bodies under a rigid probe: a textured sponge, skin over a lump, and an elastic block.
 
-All sizes and moduli are chosen, none is measured: a sponge as soft as foam rubber, tissue about
-as soft as the `finger_plate`'s pad, and a block as soft as soft silicone rubber. The lump is a rigid ball, as in models on which palpation is
-trained; real ones are stiff, not rigid.
+All sizes and moduli are chosen, none is measured: a sponge as soft as foam rubber, tissue about as
+soft as the `finger_plate`'s pad, and a block as soft as soft silicone rubber. The lump is a rigid
+ball, as in models on which palpation is trained; real ones are stiff, not rigid.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ class Bent:
 
     def _found(self, scene: Scene, shapes: list[Drawable], pose: Array) -> dict[str, Array]:
         if self._parts is None or self._parts[0] is not scene:
-            from asperity.simulation.soft_engine import soft_engine  # slow to import
+            from asperity.simulation.elastic_engine import ElasticEngine  # slow to import
 
             assert scene.elastic is not None
             data = mujoco.MjData(scene.model)
@@ -74,7 +74,7 @@ class Bent:
             at = data.body(scene.elastic.body.name)
             home, surface = np.concatenate([at.xpos, at.xquat]), scene.elastic.surface
             made = {s.name: BentShape(surface, home, s.vertices, s.normals) for s in shapes}
-            self._parts = scene, soft_engine(scene), made
+            self._parts = scene, ElasticEngine(scene, scene.elastic), made
         _, engine, bent = self._parts
         engine.wrench(pose, 0.0)
         return {name: shape.moved(engine.displacements)[0] for name, shape in bent.items()}

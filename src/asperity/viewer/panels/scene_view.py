@@ -245,10 +245,9 @@ class SceneView(Panel):
         """Show an elastic body as the tool bends it."""
         if self._server.get_clients():
             self._bent.follow(scene, snapshot.tool_pose)
-        moved = self._bent.moved()
-        for node in self._nodes if moved else ():
-            if (name := node.name.removeprefix("/scene/")) in moved:
-                node.vertices = (UNITS * moved[name]).astype(np.float32)
+        for name, vertices in self._bent.moved().items():
+            (node,) = [one for one in self._nodes if one.name == f"/scene/{name}"]
+            node.vertices = (UNITS * vertices).astype(np.float32)
 
     def _add_ghost(self, ghost: list[Drawable]) -> None:
         """Add the handle: a smooth, translucent copy of the tool at the hand's pose."""
