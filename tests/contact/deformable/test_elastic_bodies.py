@@ -10,6 +10,7 @@ from asperity.contact.deformable import elements
 from asperity.contact.deformable.box_mesh import box_tetrahedra
 from asperity.contact.deformable.elastic_body import elastic_body, tetrahedra_in
 from asperity.contact.deformable.elastic_contact import ElasticContact
+from asperity.contact.deformable.linear_contact import agreeing_forces, yielding_stiffness
 from asperity.contact.deformable.surface import DeformableSurface
 from asperity.contact.deformable.surface_contact import SurfaceContact
 from asperity.geometry.bodies import Body, Geom
@@ -324,6 +325,38 @@ def test_stiffness_is_the_change_of_the_wrench(body, friction):
         forces.append(contact.settle([pose + sign * np.array([0, 0, h, 0, 0, 0, 0])])[0, 2])
     # Normals that turn, and taxels that come into contact, are left out.
     assert stiffness[2, 2] == pytest.approx((forces[1] - forces[0]) / (2.0 * h), rel=0.05)
+
+
+def test_the_stiffness_felt_is_that_of_whole_matrices():
+    """The kernel against `R^T (I + K C)^-1 K R` over all vertices, and the forces that agree."""
+    draw, v = np.random.default_rng(1), 9
+    faces = np.array([[0, 4, 2], [2, 4, 7], [7, 4, 8]])
+    springs = draw.normal(size=(3, 9, 9))
+    springs = springs @ np.swapaxes(springs, 1, 2)
+    compliance = draw.normal(size=(3 * v, 3 * v))
+    compliance = 0.01 * compliance @ compliance.T
+    arms = draw.normal(size=(v, 3))
+    whole, rigid = np.zeros((3 * v, 3 * v)), np.zeros((3 * v, 6))
+    for face, spring in zip(faces, springs, strict=True):
+        rows = (3 * face[:, None] + np.arange(3)).ravel()
+        whole[np.ix_(rows, rows)] += spring
+    for k, arm in enumerate(arms):
+        rigid[3 * k : 3 * k + 3, :3] = np.eye(3)
+        for axis in range(3):
+            rigid[3 * k : 3 * k + 3, 3 + axis] = np.cross(np.eye(3)[axis], arm)
+    felt = rigid.T @ np.linalg.solve(np.eye(3 * v) + whole @ compliance, whole @ rigid)
+    out = np.empty((6, 6))
+    yielding_stiffness(faces, springs, compliance, arms, out)
+    np.testing.assert_allclose(out, felt, atol=1e-10 * np.abs(felt).max())
+    free, place, force = draw.normal(size=(3, 3 * v))
+    used = np.unique(faces)
+    pushed = np.repeat(np.isin(np.arange(v), used), 3)
+    force[~pushed] = 0.0
+    right = force - whole @ (free - place)
+    agreeing = np.linalg.solve(np.eye(3 * v) + whole @ compliance, right)
+    found = np.empty(3 * v)
+    agreeing_forces(faces, springs, compliance, free, place, force, found)
+    np.testing.assert_allclose(found, agreeing, atol=1e-10 * np.abs(agreeing).max())
 
 
 def test_damping_is_the_friction_that_the_body_passes_on(body):
