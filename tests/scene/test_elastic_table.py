@@ -194,6 +194,7 @@ def test_anti_aliasing_is_off_and_noted():
     assert scene.anti_alias == scene.acting_anti_alias == "off"
     assert any(note.startswith("force.anti_alias: off") for note in scene.notes)
     assert not any("anti_alias" in note for note in load_scene("elastic-block").notes)
+    assert scene.shortest_wavelength == scene.elastic.pitch  # its dots' rims are finer
 
 
 @pytest.mark.parametrize("measure", [measure_stability, lambda scene: compare(scene, [])])

@@ -140,9 +140,13 @@ class Scene:
 
     @property
     def shortest_wavelength(self) -> float:
-        """Shortest wavelength in any texture [m]; infinite without texture."""
+        """Shortest wavelength in any texture [m]; infinite without texture.
+
+        The taxels of an elastic body average waves shorter than their pitch.
+        """
         lengths = [field.shortest_wavelength for body in self.bodies for field in body.fields]
-        return min(lengths, default=float("inf"))
+        least = min(lengths, default=float("inf"))
+        return least if self.elastic is None else max(least, self.elastic.pitch or 0.0)
 
     @property
     def acting_force(self) -> ForceSettings:
