@@ -270,4 +270,4 @@ def test_the_block_as_it_is_built_in_keeps_to_its_tick():
             begun = perf_counter()
             simulation.step(pose)
             best[i] = min(best[i], perf_counter() - begun)
-    assert np.percentile(best[1:], 50) < 1e-3
+    assert np.percentile(best[1:], 99) < 1e-3

@@ -22,8 +22,8 @@ TISSUE: dict[str, Any] = {
 }  # fmt: skip
 """The table `[bodies.tissue.skin]`: its lump's top is 3.5 mm below the surface."""
 BLOCK: dict[str, Any] = {
-    "modulus": 7e4, "poisson": 0.45, "density": 1070.0, "damping": 0.1, "modes": 24,
-    "spacing": 3.5e-3, "friction": 0.5, "layer_thickness": 2e-3, "pitch": 8e-4,
+    "modulus": 7e4, "poisson": 0.45, "density": 1070.0, "damping": 0.1, "modes": 16,
+    "spacing": 4.7e-3, "friction": 0.5, "layer_thickness": 2e-3, "pitch": 1e-3,
 }  # fmt: skip
 """The table `[bodies.block.elastic]`, as soft and heavy as the softest silicone rubbers."""
 DOTS: dict[str, Any] = {
