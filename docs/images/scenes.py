@@ -1,4 +1,4 @@
-"""Makes scenes.png and soft-bodies.png: scenes, close, with the forces."""
+"""Makes scenes.png, soft-bodies.png and elastic-block.png: scenes, close, with the forces."""
 
 import tempfile
 from pathlib import Path
@@ -12,9 +12,11 @@ from asperity.drawing.figure_style import COLOURS, style
 from asperity.drawing.renderer.contact import close_picture
 from asperity.runs.run_scene import run_scene
 
+_BESIDE = Path(__file__).parent
 FIGURES = {
     "scenes": {"probe-plate-dots": 0.2, "hammer-blocks": 0.12, "file-cad": 0.08},
     "soft-bodies": {"tactile-map": 0.4, "sponge": 0.2, "palpation": 0.65},
+    "elastic-block": {"elastic-block": 0.2},
 }
 """Scenes of each picture, and how long each is run [s]; it is of the moment of the largest force
 across the normal."""
@@ -22,8 +24,9 @@ across the normal."""
 
 def draw(name: str, scenes: dict[str, float], folder: Path) -> None:
     """Write one picture beside this file."""
-    figure, out = Figure(figsize=(10.2, 3.6), dpi=125), Path(__file__).with_name(f"{name}.png")
-    for axis, (name, seconds) in zip(figure.subplots(1, 3), scenes.items(), strict=True):
+    figure, out = Figure(figsize=(3.4 * len(scenes), 3.6), dpi=125), _BESIDE / f"{name}.png"
+    axes = figure.subplots(1, len(scenes), squeeze=False)[0]
+    for axis, (name, seconds) in zip(axes, scenes.items(), strict=True):
         scene = load_scene(name).changed(
             trajectory={"seconds": seconds}, force={"anti_alias": "off"}
         )

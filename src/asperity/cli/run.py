@@ -37,7 +37,7 @@ class RunCommand:
 
     scene: Annotated[Positional[str | None], arg(metavar="SCENE")] = None
     """probe-plate, probe-plate-dots, probe-plate-grating, hammer-blocks, file-cad, finger-plate,
-    tactile-map, sponge, palpation,
+    tactile-map, sponge, palpation, elastic-block,
     or a folder with a scene, or an MJCF or URDF file. Alternatively, give --tool and --target."""
     tool: str | None = None
     """Mesh of the tool, z upwards (.obj, .glb, .gltf, .ply, .stl, .usd), or a solid: sphere:3mm,
@@ -93,9 +93,9 @@ class RunCommand:
     `asperity devices`."""
     options: Annotated[DeviceOptions, arg(name="")] = field(default_factory=DeviceOptions)
     field_rate_hz: Annotated[float | None, Range(0.1, 1e5, "Hz")] = None
-    """Rate at which the pressure and shear on a soft skin go into the recording, pictures of the
-    pressure into the folder pressure, and images of pressure and shear as three channels into
-    traction. Default: none are recorded."""
+    """Rate at which the pressure and shear on a soft body, or on a rigid tool, go into the
+    recording, pictures of the pressure into the folder pressure, and images of pressure and shear
+    as three channels into traction. Default: none are recorded."""
     hand: bool = False
     """Hold the tool with a simulated hand, which follows the trajectory, presses, and yields."""
     seed: Annotated[int | None, Range(0, 2**31 - 1)] = None
@@ -120,15 +120,17 @@ class RunCommand:
         from asperity.runs.pressure_figure import write_skin_pictures
         from asperity.runs.run_scene import run_scene, take_pictures, write_figures, write_summary
         from asperity.scene.scale import scale_table
-        from asperity.simulation.tool_contact import announce_compiling
+        from asperity.simulation.tool_contact import announce_compiling, tick_kernel
 
         scene = self._scene()
-        if self.field_rate_hz and scene.skin is None:
-            raise AsperityError(f"--field-rate-hz: {scene.name} has no soft skin ([tool.skin])")
+        if self.field_rate_hz and scene.soft is None:
+            raise AsperityError(
+                f"--field-rate-hz: {scene.name} has no soft skin ([tool.skin]) or elastic body"
+            )
         scale = scale_table(scene)
         motion = self._motion(scene)
         self._save(scene, motion)
-        announce_compiling("press" if scene.skin else "tick")  # before the progress bar is drawn
+        announce_compiling(tick_kernel(scene))  # before the progress bar is drawn
         with result_folder(self.out, overwrite=self.overwrite) as folder, progress_bars() as bars:
             task = bars.add_task(scene.name, total=None)
 
@@ -174,7 +176,7 @@ class RunCommand:
         """Return the scene that the options describe."""
         from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES
         from asperity.scene.builtin import load_scene
-        from asperity.scene.scene import ANTI_ALIAS_MODES
+        from asperity.scene.sections import ANTI_ALIAS_MODES
 
         if self.anti_alias is not None:
             require_choice("--anti-alias", self.anti_alias, ANTI_ALIAS_MODES)

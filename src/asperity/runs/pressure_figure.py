@@ -1,4 +1,4 @@
-"""Pictures of pressure and shear on a soft skin: frames in a figure, and sequences of images."""
+"""Pictures of pressure and shear on a body: frames in a figure, and sequences of images."""
 
 from __future__ import annotations
 

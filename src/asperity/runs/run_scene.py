@@ -29,6 +29,8 @@ _CERTIFIED = 0.99
 """Share of certified depths below which a run has a note."""
 _LATE = 0.01
 """Share of ticks longer than the period from which on a run has a note."""
+_LINEAR = 0.2
+"""Displacement over the smallest side of an elastic body above which a run has a note."""
 _ROWS = 256
 """Ticks that go into the recording at once."""
 _LINE = {"radius", "turning"}
@@ -80,7 +82,7 @@ def run_scene(
     source : str
         What `load_scene` needs to load the scene again, for `replay`. Default: its name.
     field_rate : float
-        Rate at which the pressure and shear of a soft skin are recorded [Hz], at most that of the
+        Rate at which the pressure and shear of a soft body are recorded [Hz], at most that of the
         ticks; 0 records none.
     on_tick : callable
         Called after each tick with its number and what there is so far.
@@ -88,7 +90,8 @@ def run_scene(
     motion = scene.motion if motion is None else motion
     simulation = Simulation(scene, dt=dt)
     trajectory = simulation.trajectory(motion)
-    best = ContactMoment.of(0.0, trajectory.poses[0], simulation.contacts)
+    stage = simulation.stage
+    best = ContactMoment.of(0.0, trajectory.poses[0], simulation.contacts, stage.displacements)
     largest, written = -1.0, 0
     attributes = {
         "scene": scene.name, "source": source, "trajectory": trajectory.name,
@@ -103,21 +106,23 @@ def run_scene(
     controller = PassivityController(simulation.dt) if hand else None
     with ExitStack() as stack:
         writer = recording and stack.enter_context(RecordingWriter(recording, attributes))
-        fields = FieldWriter(writer.file, scene.skin) if writer and scene.skin and every else None
+        is_kept = bool(writer and scene.soft and every)
+        fields = FieldWriter(writer.file, stage.engine.grid) if writer and is_kept else None
 
         def keep(i: int, rollout: Rollout) -> None:
             nonlocal best, largest, written
             across = _across(simulation)
             if across > largest:
                 largest = across
+                pose = rollout.tool_pose[i]
                 best = ContactMoment.of(
-                    float(rollout.time[i]), rollout.tool_pose[i], simulation.contacts
+                    float(rollout.time[i]), pose, simulation.contacts, stage.displacements
                 )
             if writer and i + 1 - written == _ROWS:
                 writer.add_rows(variables_of(rollout, slice(written, i + 1)))
                 written = i + 1
             if fields and i % every == 0:
-                fields.add(float(rollout.time[i]), simulation.stage.engine.skin)
+                fields.add(float(rollout.time[i]), stage.engine.skin)
             on_tick(i, rollout)
 
         rollout = simulation.rollout(trajectory, hand=held, controller=controller, on_tick=keep)
@@ -130,6 +135,12 @@ def run_scene(
             **controller.summary(),
         },
     }  # fmt: skip
+    if scene.elastic is not None and stage.engine.strain > _LINEAR:
+        summary["notes"].append(
+            f"{scene.elastic.body.name} was displaced by up to {100 * stage.engine.strain:.3g} % "
+            f"of its smallest side: beyond some {100 * _LINEAR:.0f} % a linear body has wrong "
+            "forces; press less, or take a stiffer or thicker one"
+        )
     if isinstance(motion, Trajectory):
         summary["notes"] += [f"{motion.name}: {note}" for note in motion.notes]
     return Run(rollout, best, summary)

@@ -1,4 +1,4 @@
-"""Pressure and shear of a soft skin over time: in a recording, and read from it.
+"""Pressure and shear of a soft body over time: in a recording, and read from it.
 
 The group `skin` of `recording.h5` holds `time` (frames,) [s], `pressure` (frames, rows, columns)
 and `shear` (frames, rows, columns, 2) [Pa], and where the rows and columns lie [m].
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from asperity._core.arrays import Array
+from asperity.contact.deformable.seen_from_above import SeenFromAbove, TaxelGrid
 from asperity.contact.soft.skin import SoftSkin
 from asperity.contact.soft.skin_contact import SkinContact
 from asperity.errors import AsperityError
@@ -41,13 +42,13 @@ class FieldWriter:
     Parameters
     ----------
     file : h5py.File
-    skin : SoftSkin
+    grid : SoftSkin or TaxelGrid
     """
 
-    def __init__(self, file: Any, skin: SoftSkin) -> None:
-        rows, columns = skin.taxels
+    def __init__(self, file: Any, grid: SoftSkin | TaxelGrid) -> None:
+        rows, columns = grid.taxels
         group = file.create_group("skin")
-        first, last, low, high = skin.extent
+        first, last, low, high = grid.extent
         group["column"] = first + (np.arange(columns) + 0.5) * ((last - first) / columns)
         group["row"] = low + (np.arange(rows) + 0.5) * ((high - low) / rows)
         texts = {
@@ -67,7 +68,7 @@ class FieldWriter:
         for name in ("column", "row"):
             group[name].attrs.update(units="m", long_name=f"middle of each {name}")
 
-    def add(self, time: float, contact: SkinContact) -> None:
+    def add(self, time: float, contact: SkinContact | SeenFromAbove) -> None:
         """Add the fields of the last pose."""
         count = len(self._data["time"])
         values = {"time": time, "pressure": contact.pressure, "shear": contact.shear}
@@ -97,7 +98,7 @@ def read_fields(path: str | Path) -> SkinFields:
             group = opened.get("skin")
             if group is None:
                 raise AsperityError(
-                    f"{file} has no pressure fields; record a scene with a soft skin with "
+                    f"{file} has no pressure fields; record a scene with a soft body with "
                     "--field-rate-hz"
                 )
             n = len(group["time"])

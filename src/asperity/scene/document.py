@@ -19,6 +19,8 @@ SCHEMA = 1
 SECTIONS = ("schema", "tool", "bodies", "force", "coupling", "trajectory")
 PARTS = ("mesh", "texture")
 """Tables of a body."""
+SOFT = ("skin", "elastic")
+"""Tables of a body that make it soft."""
 SURFACE = ("texture", "friction", "stiffness")
 """Keys of a geom, and of a body, that say what its surface feels like."""
 PLACING = ("mapping", "offset")
@@ -66,8 +68,8 @@ def check_document(document: Table, body_names: Iterable[str]) -> None:
     for name, table in document.get("bodies", {}).items():
         _require_body(name, "bodies", names)
         require_table(table, f"bodies.{name}")
-        require_keys(table, f"bodies.{name}", ("mesh", *SURFACE, "materials", "geoms", "skin"))
-        for part in (*PARTS, "materials", "geoms", "skin"):
+        require_keys(table, f"bodies.{name}", ("mesh", *SURFACE, "materials", "geoms", *SOFT))
+        for part in (*PARTS, "materials", "geoms", *SOFT):
             require_table(table.get(part, {}), f"bodies.{name}.{part}")
         for material, texture in table.get("materials", {}).items():
             require_table(texture, f"bodies.{name}.materials.{material}")

@@ -7,7 +7,8 @@ bodies of primitive geoms, or of the convex pieces of a mesh; the tool is a body
     schema = 1
 
     [tool]
-    body = "probe"               # [tool.skin] or [bodies.NAME.skin]: an elastic layer on it
+    body = "probe"               # [tool.skin] or [bodies.NAME.skin]: an elastic layer on it;
+                                 # [bodies.NAME.elastic]: it is elastic as a whole
 
     [bodies.part.mesh]           # the surface of a body whose geoms are of type mesh
     file = "part.stl"
@@ -33,17 +34,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
 
 from asperity._core.arrays import Array
 from asperity._core.output import result_folder
+from asperity.contact.deformable.elastic_solid import ElasticSolid
 from asperity.contact.response.settings import ForceSettings
 from asperity.contact.soft.skin import SoftSkin
-from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES, CouplingSettings
-from asperity.errors import AsperityError, require_choice
+from asperity.dynamics.virtual_coupling.settings import CouplingSettings
+from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.mesh.materials import FELT
 from asperity.scene.adapt import adapted
@@ -51,32 +53,27 @@ from asperity.scene.concave import with_convex_pieces
 from asperity.scene.document import (
     SCHEMA,
     Table,
-    arguments,
     at,
     beside,
     check_document,
-    find_file,
     merged,
-    parse_options,
     read_toml,
-    require_keys,
     tables_with_files,
     write_toml,
 )
+from asperity.scene.elastic import ANTI_ALIAS_NOTE, scene_elastic
 from asperity.scene.friction import settings_with, with_frictions
 from asperity.scene.friction_map import on_terrain, without_textures
 from asperity.scene.mesh import copy_with_companions, geoms_mesh
 from asperity.scene.mjcf import geom_names, read_mjcf, tool_start, touchable_geoms
 from asperity.scene.regions import material_surface
+from asperity.scene.sections import coupling_of, force_of, motion_of
 from asperity.scene.skin import scene_skin
 from asperity.scene.texture import body_surface
-from asperity.scene.trajectory import KINDS, ScriptedMotion, Trajectory
-from asperity.scene.trajectory_file import read_poses
+from asperity.scene.trajectory import ScriptedMotion, Trajectory
 
 MODELS = (".xml", ".mjcf", ".urdf")
 """Kinds of files of a scene's bodies."""
-ANTI_ALIAS_MODES = ("off", "tick", "band")
-"""Treatments of texture that passes faster than the tick."""
 PRESSED, PRESSED_IN = 0.6, 0.08
 """A finger's force [N], and the part of the relief that it may press a coupled tool in by."""
 SOFTEST, STIFFEST = 3e4, 1e5
@@ -116,6 +113,8 @@ class Scene:
         Choices and changes made while meshes and textures were read.
     skin : SoftSkin or None
         Elastic layer on the tool, or on the one body that a rigid tool meets.
+    elastic : ElasticSolid or None
+        The one body that a rigid tool meets, if it is linear-elastic.
     """
 
     name: str
@@ -132,12 +131,22 @@ class Scene:
     motion: ScriptedMotion | Trajectory
     notes: tuple[str, ...]
     skin: SoftSkin | None = None
+    elastic: ElasticSolid | None = None
+
+    @property
+    def soft(self) -> SoftSkin | ElasticSolid | None:
+        """What is soft in the scene: `skin` or `elastic`."""
+        return self.skin or self.elastic
 
     @property
     def shortest_wavelength(self) -> float:
-        """Shortest wavelength in any texture [m]; infinite without texture."""
+        """Shortest wavelength in any texture [m]; infinite without texture.
+
+        The taxels of an elastic body average waves shorter than their pitch.
+        """
         lengths = [field.shortest_wavelength for body in self.bodies for field in body.fields]
-        return min(lengths, default=float("inf"))
+        least = min(lengths, default=float("inf"))
+        return least if self.elastic is None else max(least, self.elastic.pitch or 0.0)
 
     @property
     def acting_force(self) -> ForceSettings:
@@ -283,7 +292,7 @@ def scene_of(
     start = tool_start(model, tool)
     cut, cut_notes = with_convex_pieces(xml, model, prepared.spec)
     solids = touchable_geoms(cut)
-    force, anti_alias = _force(document.get("force", {}))
+    force, anti_alias = force_of(document.get("force", {}))
     force, frictions = settings_with(
         force, prepared.frictions, document.get("force", {}), prepared.notes
     )
@@ -297,7 +306,14 @@ def scene_of(
             field, middle = prepared.textures[body]
             key = f"bodies.{body}.friction"
             bodies[-1] = on_terrain(bodies[-1], field, middle, table.get("friction"), key)
-    coupling = _coupling(document.get("coupling", {}))
+    coupling = coupling_of(document.get("coupling", {}))
+    elastic = scene_elastic(document, tool, bodies)
+    own_notes = [f"{body.name}: {note}" for body in bodies for note in _notes(body)]
+    if elastic is not None:
+        own_notes += [f"{elastic.body.name}: {note}" for note in elastic.notes]
+        if anti_alias != "off":
+            anti_alias = "off"
+            own_notes.append(ANTI_ALIAS_NOTE)
     return Scene(
         name=name,
         xml=xml,
@@ -310,14 +326,15 @@ def scene_of(
         force=force,
         anti_alias=anti_alias,
         coupling=coupling,
-        motion=_motion(document.get("trajectory", {}), folder),
+        motion=motion_of(document.get("trajectory", {}), folder),
         notes=(
             *prepared.notes,
             *cut_notes,
-            *(f"{body.name}: {note}" for body in bodies for note in _notes(body)),
+            *own_notes,
             *([_BAND_NOTE] if anti_alias == "band" and coupling.mode != "direct" else []),
         ),
         skin=scene_skin(document, tool, bodies),
+        elastic=elastic,
     )
 
 
@@ -362,33 +379,6 @@ def _notes(body: Body) -> tuple[str, ...]:
     for friction in body.friction_maps:
         notes += tuple(friction.notes)
     return notes
-
-
-def _force(table: Table) -> tuple[ForceSettings, str]:
-    rest = {key: value for key, value in table.items() if key != "anti_alias"}
-    require_keys(table, "force", [*(f.name for f in fields(ForceSettings)), "anti_alias"])
-    mode = table.get("anti_alias", "off")
-    at("force.anti_alias", lambda: require_choice("mode", mode, ANTI_ALIAS_MODES))
-    options = arguments(rest, "force", ForceSettings)
-    return at("force", lambda: ForceSettings(**options)), mode
-
-
-def _coupling(table: Table) -> CouplingSettings:
-    options = arguments(table, "coupling", CouplingSettings)
-    mode = options.get("mode", "direct")
-    at("coupling.mode", lambda: require_choice("mode", mode, COUPLING_MODES))
-    return at("coupling", lambda: CouplingSettings(**options))
-
-
-def _motion(table: Table, folder: Path | None) -> ScriptedMotion | Trajectory:
-    if "file" in table:
-        given = parse_options(table, "trajectory", read_poses, "file", ())
-        path = find_file(table, "trajectory", folder)
-        return at("trajectory", lambda: read_poses(path, **given))
-    if "kind" in table:
-        at("trajectory.kind", lambda: require_choice("trajectory", table["kind"], KINDS))
-    options = arguments(table, "trajectory", ScriptedMotion)
-    return at("trajectory", lambda: ScriptedMotion(**options))
 
 
 def _free_name(folder: Path, source: Path) -> str:

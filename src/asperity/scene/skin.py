@@ -82,10 +82,12 @@ def scene_skin(document: Table, tool: str, bodies: Sequence[Body]) -> SoftSkin |
 
 
 def require_rigid(scene: Scene, what: str) -> None:
-    """Raise `AsperityError` for a scene with a soft skin, which `what` would leave out."""
-    if scene.skin is not None:
+    """Raise `AsperityError` for a scene with a soft body, which `what` would leave out."""
+    kind = "a soft skin" if scene.skin is not None else "an elastic body"
+    if scene.soft is not None:
         raise AsperityError(
-            f"{scene.name} has a soft skin, and {what}; valid: scenes without a table named skin"
+            f"{scene.name} has {kind}, and {what}; valid: scenes without a table named skin or "
+            "elastic"
         )
 
 

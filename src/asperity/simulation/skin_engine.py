@@ -39,6 +39,8 @@ class SkinEngine:
             skin, met, [poses[body.name] for body in met], centre=self.centre.tolist()
         )
         """The fields of the last pose."""
+        self.grid = skin
+        """Where they are."""
         self.contacts = empty_contacts(1)
         self.was_cut = False
         self.reset()

@@ -36,7 +36,7 @@ from asperity.simulation.anti_aliasing import (
     moved_most,
     sub_poses,
 )
-from asperity.simulation.skin_engine import SkinEngine
+from asperity.simulation.soft_engine import soft_engine
 
 SUB_POSES, BUDGET_SPENT, TOO_FAST, NOT_CERTIFIED, OVERFLOW = 1, 2, 4, 8, 16
 FALLBACK, PASSIVITY, LIMITED, SILENT, LATE = 32, 64, 128, 256, 512
@@ -61,15 +61,23 @@ _FASTEST, _FASTEST_TURN = 10.0, 500.0
 """Speeds above which a tool has been placed elsewhere [m/s], [rad/s] (project default)."""
 _MODULES = {
     "tick": "contact.geom_tick", "mesh_tick": "contact.mesh_tick", "press": "contact.soft.press",
+    "press_surface": "contact.deformable.press",
 }  # fmt: skip
 """Modules of the kernels that the first force has to wait for."""
+
+
+def tick_kernel(scene: Scene) -> str:
+    """Return the name of the kernel that has the contacts of a scene, as in `_MODULES`."""
+    if scene.soft is not None:
+        return "press" if scene.skin else "press_surface"
+    return "mesh_tick" if any(body.mesh is not None for body in scene.bodies) else "tick"
 
 
 @functools.cache
 def announce_compiling(tick: str = "tick") -> None:
     """Log once that the first force takes a while, unless its kernel is in the cache.
 
-    `tick` is the kernel's name: "tick", or "mesh_tick" for scenes with meshes.
+    `tick` is the kernel's name; see `tick_kernel`.
     """
     if not is_compiled(_MODULES[tick], tick):
         logging.getLogger(__name__).warning(
@@ -92,8 +100,7 @@ class ToolContact:
     def __init__(
         self, scene: Scene, *, dt: float = 1e-3, now: Callable[[], float] = time.perf_counter
     ) -> None:
-        meshes = any(body.mesh is not None for body in scene.bodies)
-        announce_compiling("press" if scene.skin else "mesh_tick" if meshes else "tick")
+        announce_compiling(tick_kernel(scene))
         given = scene
         self.scene = scene = replace(
             given, force=given.acting_force, anti_alias=given.acting_anti_alias
@@ -105,10 +112,8 @@ class ToolContact:
         self._cost = 0.0
         """Estimated time of one contact query, rather too long than too short [s]."""
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
-        self.engine: Any = (
-            ContactSolver(scene.model, scene.bodies, scene.tool, scene.force)
-            if scene.skin is None
-            else SkinEngine(scene, scene.skin)
+        self.engine: Any = soft_engine(scene) or ContactSolver(
+            scene.model, scene.bodies, scene.tool, scene.force
         )
         """The contact solver; its own `wrench` has no anti-aliasing."""
         self._window: Window | None = None
@@ -116,8 +121,8 @@ class ToolContact:
         self._wavelength = scene.shortest_wavelength
         self._moved = Repeated(moved_most)
         own = [body.largest_friction for body in scene.bodies]
-        self._of_bodies = max(own) if scene.skin is None else scene.skin.friction
-        """Largest friction of a body's own, or the skin's."""
+        self._of_bodies = max(own) if scene.soft is None else scene.soft.friction
+        """Largest friction of a body's own, or the soft one's."""
         self._extent = max(float(scene.model.stat.extent), 1e-3)
         self.reset()
 
@@ -138,6 +143,11 @@ class ToolContact:
         return self.engine.contacts
 
     @property
+    def displacements(self) -> Array | None:
+        """Of the vertices of an elastic body at the last pose [m], (v, 3); None without one."""
+        return None if self.scene.elastic is None else np.asarray(self.engine.displacements)
+
+    @property
     def contact_count(self) -> int:
         """Number of contacts at the last pose."""
         return int(self.engine.contacts.count[0])
@@ -145,7 +155,7 @@ class ToolContact:
     @property
     def energy(self) -> float:
         """U of Eq. 1: the energy stored in the contacts at the last pose [J]."""
-        if self._is_gradient:
+        if self._is_gradient or self.scene.elastic is not None:
             return float(self.engine.energy)
         contacts, n = self.engine.contacts, self.contact_count
         depths = contacts.weight[:n] @ contacts.depth[:n] ** 2
@@ -153,7 +163,9 @@ class ToolContact:
 
     @property
     def _is_gradient(self) -> bool:
-        return self.scene.skin is not None or self.scene.force.law == "otaduy-lin"
+        # An elastic body has a state: what it stores does not follow from the pose.
+        is_rigid = self.scene.soft is None
+        return self.scene.skin is not None or (is_rigid and self.scene.force.law == "otaduy-lin")
 
     def evaluate(
         self,

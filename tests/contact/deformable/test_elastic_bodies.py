@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from soft_sheets import sheet, slab, soft_slab, surface_on, tool
 
+from asperity.contact.deformable import elements
+from asperity.contact.deformable.box_mesh import box_tetrahedra
 from asperity.contact.deformable.elastic_body import elastic_body, tetrahedra_in
 from asperity.contact.deformable.elastic_contact import ElasticContact
+from asperity.contact.deformable.linear_contact import agreeing_forces, yielding_stiffness
 from asperity.contact.deformable.surface import DeformableSurface
 from asperity.contact.deformable.surface_contact import SurfaceContact
 from asperity.geometry.bodies import Body, Geom
@@ -243,22 +246,128 @@ def test_a_surface_between_the_nodes_moves_with_them():
 
 
 @pytest.mark.parametrize("quadratic", [False, True])
-def test_an_even_strain_is_reproduced_exactly(quadratic, monkeypatch):
-    """The embedding of a surface gives an even strain to rounding."""
-    from asperity.contact.deformable import elastic_body as module
-
-    nodes, tetrahedra = slab((3, 3, 2))
-    monkeypatch.setattr(module, "_QUADRATIC", 10**6 if quadratic else 0)
-    held = nodes[:, 2] < -0.0119
-    *_, unknowns, _ = module._assembled(nodes, tetrahedra, (1e4, 0.3, 1e3), held)
+def test_an_even_strain_is_reproduced_exactly(quadratic):
+    """The embedding of a surface gives an even strain to rounding, and its energy is exact."""
+    nodes, tetrahedra, _ = box_tetrahedra((15e-3, 12e-3, 6e-3), (3, 4, 2))
+    unknowns = elements.unknowns_of(tetrahedra, len(nodes), quadratic)
     mesh = sheet(6)
-    onto = module._embedding(mesh, nodes, tetrahedra, unknowns, int(unknowns.max()) + 1)
+    onto = elements.embedding(mesh, nodes, tetrahedra, unknowns)
     corners = nodes[tetrahedra]
     pairs = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
     middles = np.stack([corners[:, list(pair)].mean(axis=1) for pair in pairs], axis=1)
     at = np.concatenate([corners, middles], axis=1)[:, : unknowns.shape[1]]
-    strain = np.array([[0.1, 0.02, 0.0], [0.03, -0.2, 0.1], [0.0, 0.05, 0.3]])
-    moved = at @ strain.T
+    slope = np.array([[0.1, 0.02, 0.0], [0.03, -0.2, 0.1], [0.0, 0.05, 0.3]])
     values = np.empty(onto.shape[1])
-    values[unknowns.ravel()] = moved.ravel()
-    np.testing.assert_allclose((onto @ values).reshape(-1, 3), mesh.vertices @ strain.T, atol=1e-14)
+    values[unknowns.ravel()] = (at @ slope.T).ravel()
+    np.testing.assert_allclose((onto @ values).reshape(-1, 3), mesh.vertices @ slope.T, atol=1e-14)
+    stiffness, mass = elements.stiffness_and_mass(nodes, tetrahedra, unknowns, (1e4, 0.3, 1e3))
+    strain, volume = 0.5 * (slope + slope.T), 30e-3 * 24e-3 * 12e-3
+    shear, dilation = 1e4 / 2.6, 1e4 * 0.3 / (1.3 * 0.4)
+    energy = shear * (strain**2).sum() + 0.5 * dilation * np.trace(strain) ** 2
+    assert 0.5 * values @ stiffness @ values == pytest.approx(energy * volume, rel=1e-12)
+    moved = np.zeros_like(values)
+    moved[0::3] = 1.0
+    assert moved @ mass @ moved == pytest.approx(1e3 * volume, rel=1e-12)
+    assert np.abs(stiffness @ moved).max() < 1e-12 * np.abs(stiffness).max()
+
+
+@pytest.mark.parametrize("quadratic", [False, True])
+def test_matrices_are_those_of_scikit_fem(quadratic):
+    import skfem
+    from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+    nodes, tetrahedra = slab((2, 3, 2))
+    nodes += 1e-4 * np.random.default_rng(0).normal(size=nodes.shape)
+    edges = nodes[tetrahedra[:, 1:]] - nodes[tetrahedra[:, :1]]
+    backwards = np.linalg.det(edges) < 0.0
+    tetrahedra[backwards] = tetrahedra[backwards][:, [0, 2, 1, 3]]
+    grid = skfem.MeshTet(np.ascontiguousarray(nodes.T), np.ascontiguousarray(tetrahedra.T))
+    element = skfem.ElementTetP2() if quadratic else skfem.ElementTetP1()
+    basis = skfem.Basis(grid, skfem.ElementVector(element))
+    theirs = linear_elasticity(*lame_parameters(2e4, 0.4)).assemble(basis)
+    unknowns = elements.unknowns_of(tetrahedra, len(nodes), quadratic)
+    ours = elements.stiffness_and_mass(nodes, tetrahedra, unknowns, (2e4, 0.4, 1e3))[0]
+    # Their unknowns have another order: eigenvalues do not.
+    expected = np.linalg.eigvalsh(theirs.toarray())
+    found = np.linalg.eigvalsh(ours.toarray())
+    np.testing.assert_allclose(found, expected, atol=1e-12 * expected[-1])
+
+
+def test_a_box_is_filled_with_tetrahedra_that_conform():
+    half, counts = (0.03, 0.02, 0.01), (4, 3, 2)
+    nodes, cells, faces = box_tetrahedra(half, counts)
+    edges = nodes[cells[:, 1:]] - nodes[cells[:, :1]]
+    volumes = np.linalg.det(edges) / 6.0
+    assert volumes.min() > 0.0
+    assert volumes.sum() == pytest.approx(8.0 * np.prod(half))
+    corners = nodes[faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert 0.5 * np.linalg.norm(across, axis=1).sum() == pytest.approx(0.0088)
+    assert (np.einsum("ij,ij->i", across, corners.mean(axis=1)) > 0.0).all()
+    used, corner = np.unique(faces, return_inverse=True)
+    mesh = mesh_from_arrays(nodes[used], corner.reshape(-1, 3))
+    assert not mesh.notes  # closed, wound alike, and nothing crosses
+    assert len(faces) == 4 * (4 * 3 + 3 * 2 + 4 * 2)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_stiffness_is_the_change_of_the_wrench(body, friction):
+    """At rest it is that of contact and body in series; with the body held, of the contact."""
+    contact = ElasticContact(body, surface_on(body.mesh, friction=friction), [TIP])
+    pose = np.array([0.4e-3, 0.2e-3, 4.2e-3, *UPRIGHT])
+    contact.settle([pose])
+    stiffness, damping = contact.derivatives()
+    assert not damping.any()
+    held = contact.surface.stiffness()
+    assert np.linalg.eigvalsh(held - stiffness).min() > -1e-6 * held[2, 2]
+    h, forces = 1e-6, []
+    for sign in (1.0, -1.0):
+        forces.append(contact.settle([pose + sign * np.array([0, 0, h, 0, 0, 0, 0])])[0, 2])
+    # Normals that turn, and taxels that come into contact, are left out.
+    assert stiffness[2, 2] == pytest.approx((forces[1] - forces[0]) / (2.0 * h), rel=0.05)
+
+
+def test_the_stiffness_felt_is_that_of_whole_matrices():
+    """The kernel against `R^T (I + K C)^-1 K R` over all vertices, and the forces that agree."""
+    draw, v = np.random.default_rng(1), 9
+    faces = np.array([[0, 4, 2], [2, 4, 7], [7, 4, 8]])
+    springs = draw.normal(size=(3, 9, 9))
+    springs = springs @ np.swapaxes(springs, 1, 2)
+    compliance = draw.normal(size=(3 * v, 3 * v))
+    compliance = 0.01 * compliance @ compliance.T
+    arms = draw.normal(size=(v, 3))
+    whole, rigid = np.zeros((3 * v, 3 * v)), np.zeros((3 * v, 6))
+    for face, spring in zip(faces, springs, strict=True):
+        rows = (3 * face[:, None] + np.arange(3)).ravel()
+        whole[np.ix_(rows, rows)] += spring
+    for k, arm in enumerate(arms):
+        rigid[3 * k : 3 * k + 3, :3] = np.eye(3)
+        for axis in range(3):
+            rigid[3 * k : 3 * k + 3, 3 + axis] = np.cross(np.eye(3)[axis], arm)
+    felt = rigid.T @ np.linalg.solve(np.eye(3 * v) + whole @ compliance, whole @ rigid)
+    out = np.empty((6, 6))
+    yielding_stiffness(faces, springs, compliance, arms, out)
+    np.testing.assert_allclose(out, felt, atol=1e-10 * np.abs(felt).max())
+    free, place, force = draw.normal(size=(3, 3 * v))
+    used = np.unique(faces)
+    pushed = np.repeat(np.isin(np.arange(v), used), 3)
+    force[~pushed] = 0.0
+    right = force - whole @ (free - place)
+    agreeing = np.linalg.solve(np.eye(3 * v) + whole @ compliance, right)
+    found = np.empty(3 * v)
+    agreeing_forces(faces, springs, compliance, free, place, force, found)
+    np.testing.assert_allclose(found, agreeing, atol=1e-10 * np.abs(agreeing).max())
+
+
+def test_damping_is_the_friction_that_the_body_passes_on(body):
+    contact = ElasticContact(body, surface_on(body.mesh, friction=0.5), [TIP])
+    pose = np.array([0.4e-3, 0.2e-3, 4.2e-3, *UPRIGHT])
+    contact.settle([pose])
+    contact.step([pose], 1e-3)
+    stiffness, damping = contact.derivatives()
+    for matrix in (stiffness, damping):
+        np.testing.assert_allclose(matrix, matrix.T, atol=1e-9 * np.abs(matrix).max())
+        assert np.linalg.eigvalsh(matrix).min() > -1e-9 * np.abs(matrix).max()
+    # At rest all friction is viscous, and hardly slower than the body yields.
+    viscous = contact.surface.out.damping
+    assert 0.0 < damping[0, 0] < viscous[0, 0]

@@ -1,6 +1,6 @@
 """A linear-elastic body in modal form, with the compliance that its modes leave out.
 
-From tetrahedra, by finite elements (scikit-fem). With stiffness K and mass M of all nodes that are
+From tetrahedra, by finite elements (`elements`). With stiffness K and mass M of all nodes that are
 not held, the modes are `K phi = omega^2 M phi`, `phi^T M phi = 1`. A few dozen of them say how the
 body swings, but hardly how it yields under a small contact. So what they leave out of the static
 compliance is kept (residual flexibility: R. H. MacNeal, Computers & Structures 1, 581 (1971)):
@@ -21,6 +21,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array, Indices, Mask
+from asperity.contact.deformable.elements import (
+    embedding,
+    held_unknowns,
+    stiffness_and_mass,
+    unknowns_of,
+)
 from asperity.errors import AsperityError, require_between, require_positive
 from asperity.geometry.mesh.mesh import Mesh
 
@@ -83,7 +89,7 @@ def tetrahedra_in(mesh: Mesh, edge_length: float) -> tuple[Array, Indices]:
     """
     diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     require_between("edge_length", edge_length, 0.01 * diagonal, diagonal, "m")
-    pytetwild = _soft_package("pytetwild")
+    pytetwild = require_tetrahedra()
     points, tetrahedra = pytetwild.tetrahedralize(
         np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int32),
         edge_length_fac=edge_length / diagonal, quiet=True,
@@ -106,8 +112,8 @@ def elastic_body(
 ) -> ElasticBody:
     """Return a linear-elastic body with a surface.
 
-    Needs `pip install 'asperity[soft]'`. Up to 8,000 tetrahedra are quadratic elements, more are
-    linear ones, which are too stiff for Poisson's ratios near 0.5.
+    Up to 8,000 tetrahedra are quadratic elements, more are linear ones, which are too stiff for
+    Poisson's ratios near 0.5.
 
     Parameters
     ----------
@@ -160,10 +166,10 @@ def elastic_body(
             f"{len(fixed)} nodes are held; valid: three or more that are not on one "
             "line, else the body could move away"
         )
-    stiffness, mass, unknowns, free = _assembled(
-        points, cells, (modulus, poisson, density), is_held
-    )
-    onto = _embedding(mesh, points, cells, unknowns, stiffness.shape[0])[:, free]
+    unknowns = unknowns_of(cells, len(points), len(cells) <= _QUADRATIC)
+    stiffness, mass = stiffness_and_mass(points, cells, unknowns, (modulus, poisson, density))
+    free = np.setdiff1d(np.arange(stiffness.shape[0]), held_unknowns(cells, unknowns, is_held))
+    onto = embedding(mesh, points, cells, unknowns)[:, free]
     shapes, frequencies, compliance = _reduced(
         stiffness[free][:, free], mass[free][:, free], onto, int(modes)
     )
@@ -171,12 +177,13 @@ def elastic_body(
     return ElasticBody(mesh, shapes, frequencies, compliance, whole)
 
 
-def _soft_package(name: str) -> Any:
+def require_tetrahedra() -> Any:
+    """Return the package that fills meshes with tetrahedra, or refuse."""
     try:
-        return importlib.import_module(name)
+        return importlib.import_module("pytetwild")
     except ImportError:
         raise AsperityError(
-            f"elastic bodies need the package {name}: pip install 'asperity[soft]'"
+            "a mesh is filled with tetrahedra by pytetwild: pip install 'asperity[soft]'"
         ) from None
 
 
@@ -253,73 +260,6 @@ def _refuse_inverted(points: Array, cells: Indices) -> None:
         )
 
 
-def _assembled(
-    points: Array, cells: Indices, material: tuple[float, float, float], is_held: Mask
-) -> tuple[Any, Any, Indices, Indices]:
-    """Return stiffness, mass, the unknowns of each element (t, 4 or 10, 3), and the free ones."""
-    skfem = _soft_package("skfem")
-    elasticity = _soft_package("skfem.models.elasticity")
-    modulus, poisson, density = material
-    is_quadratic = len(cells) <= _QUADRATIC
-    element = skfem.ElementTetP2() if is_quadratic else skfem.ElementTetP1()
-    mesh = skfem.MeshTet(np.ascontiguousarray(points.T), np.ascontiguousarray(cells.T))
-    basis = skfem.Basis(mesh, skfem.ElementVector(element))
-    lame = elasticity.lame_parameters(modulus, poisson)
-    stiffness = elasticity.linear_elasticity(*lame).assemble(basis)
-
-    @skfem.BilinearForm
-    def inertia(u: Any, v: Any, _: Any) -> Any:
-        return density * sum(u[i] * v[i] for i in range(3))
-
-    mass = inertia.assemble(basis)
-    unknowns = basis.nodal_dofs.T[cells]
-    held = basis.nodal_dofs[:, is_held].ravel()
-    if is_quadratic:
-        unknowns = np.concatenate([unknowns, basis.edge_dofs.T[mesh.t2e.T]], axis=1)
-        between = is_held[mesh.edges].all(axis=0)
-        held = np.concatenate([held, basis.edge_dofs[:, between].ravel()])
-    free = np.setdiff1d(np.arange(stiffness.shape[0]), held)
-    return stiffness.tocsc(), mass.tocsc(), unknowns.astype(np.int64), free
-
-
-def _embedding(mesh: Mesh, points: Array, cells: Indices, unknowns: Indices, count: int) -> Any:
-    """Return the matrix from unknowns to displacements of the surface's vertices (3 v, count)."""
-    from scipy import sparse
-    from scipy.spatial import KDTree
-
-    corners = points[cells]
-    nearest = KDTree(corners.mean(axis=1)).query(mesh.vertices, k=min(40, len(cells)))[1]
-    nearest = nearest.reshape(len(mesh.vertices), -1)
-    base = corners[:, 0]
-    axes = np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
-    local = np.einsum("vkij,vkj->vki", axes[nearest], mesh.vertices[:, None] - base[nearest])
-    weights = np.concatenate([1.0 - local.sum(axis=2, keepdims=True), local], axis=2)
-    best = weights.min(axis=2).argmax(axis=1)
-    rows = np.arange(len(mesh.vertices))
-    weights, cell = weights[rows, best], nearest[rows, best]
-    outside = weights.min(axis=1)
-    if outside.min() < -1.0:
-        raise AsperityError(
-            f"vertex {int(outside.argmin())} of {mesh.name!r} is farther from all tetrahedra than "
-            "they are large; valid: tetrahedra that fill the mesh"
-        )
-    columns = unknowns[cell]  # (v, 4 or 10, 3)
-    shares = _shape_functions(weights, columns.shape[1])
-    row = 3 * rows[:, None, None] + np.arange(3)
-    values = np.broadcast_to(shares[:, :, None], columns.shape)
-    at = (np.broadcast_to(row, columns.shape).ravel(), columns.ravel())
-    return sparse.csc_matrix((values.ravel(), at), (3 * len(rows), count))
-
-
-def _shape_functions(weights: Array, count: int) -> Array:
-    """Return the 4 or 10 shape functions of tetrahedra at barycentric coordinates (v, 4)."""
-    if count == len(weights[0]):
-        return weights
-    one, two = np.transpose([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])  # as in scikit-fem
-    between = 4.0 * weights[:, one] * weights[:, two]
-    return np.concatenate([weights * (2.0 * weights - 1.0), between], axis=1)
-
-
 def _reduced(stiffness: Any, mass: Any, onto: Any, count: int) -> tuple[Array, Array, Array]:
     """Return modes at the vertices, their angular frequencies, and the static compliance."""
     from scipy.sparse.linalg import LinearOperator, eigsh, splu
@@ -334,9 +274,9 @@ def _reduced(stiffness: Any, mass: Any, onto: Any, count: int) -> tuple[Array, A
     inverse = LinearOperator(stiffness.shape, factor.solve, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(size)
     squares, shapes = eigsh(stiffness, count, mass, sigma=0.0, OPinv=inverse, v0=start)
-    rows = onto.shape[0]
-    compliance = np.empty((rows, rows))
-    for first in range(0, rows, 128):
-        block = slice(first, first + 128)
+    rows = np.flatnonzero(np.diff(onto.tocsr().indptr))  # not of held vertices
+    compliance = np.zeros((onto.shape[0], onto.shape[0]))
+    for first in range(0, len(rows), 128):
+        block = rows[first : first + 128]
         compliance[:, block] = onto @ factor.solve(onto[block].T.toarray())
     return np.ascontiguousarray(onto @ shapes), np.sqrt(squares), 0.5 * (compliance + compliance.T)

@@ -13,6 +13,7 @@ of equations for the vertices that are touched.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,6 +26,7 @@ from asperity.contact.deformable.linear_contact import (
     agreeing_forces,
     displaced,
     pull_on_modes,
+    yielding_stiffness,
 )
 from asperity.contact.deformable.surface import DeformableSurface
 from asperity.contact.deformable.surface_contact import SurfaceContact
@@ -86,6 +88,7 @@ class ElasticContact:
         self.surface = SurfaceContact(surface, bodies, centres=centres)
         self._leap = surface.thickness if leap is None else float(leap)
         self._residual = body.residual
+        self._acting = body.compliance, math.inf
         self._step, self._yield = 0.0, np.zeros((0, 0))
         self.reset()
 
@@ -114,8 +117,13 @@ class ElasticContact:
     def energy(self) -> float:
         """Elastic energy of the body and of the layer [J]."""
         modal = float(((self.body.frequencies * self._q) ** 2).sum())
-        rest = float(self._force @ (self._residual @ self._force))
+        rest = float(self._force @ _plus(np.zeros_like(self._u), self._residual, self._force))
         return self.surface.energy + 0.5 * (modal + rest)
+
+    @property
+    def is_accurate(self) -> bool:
+        """Whether the last step was solved: `error` is at most 3e-4 of the layer's thickness."""
+        return self.error <= _STEP_ERROR * self.surface.surface.thickness
 
     @property
     def kinetic_energy(self) -> float:
@@ -170,6 +178,7 @@ class ElasticContact:
         rate = (self._rate - dt * omega**2 * self._q) * slow
         free, pull = np.empty_like(self._u), np.empty_like(rate)
         displaced(body.modes, self._q + dt * rate, free)
+        self._acting = self._yield, dt
         force, u = self._implicit(free, dt)
         if not np.abs(u - self._u).max() <= self._leap:
             way = np.abs(u - self._u).reshape(-1, 3).max(axis=1)
@@ -192,9 +201,10 @@ class ElasticContact:
         error larger is halved. The contact is left as it is at these displacements.
         """
         goal = _STEP_ERROR * self.surface.surface.thickness
-        force = self._force
-        u = _plus(free, self._yield, force)
+        # From where the surface goes on as it moved: with the last forces on it, these would leap.
+        u = self._u + dt * self._speed
         error = self._error(u, free, dt)
+        first = force = self.surface.state.force.ravel().copy()
         slipping = 1.0
         for _ in range(_NEWTON_STEPS):
             if error <= goal:
@@ -214,13 +224,34 @@ class ElasticContact:
                 found = self._error(u, free, dt)
             error = found
         self.error = error
-        return force, u
+        return force, (_plus(free, self._yield, force) if force is first else u)
 
     def _error(self, u: Array, free: Array, dt: float) -> float:
         """Return how far displacements are from those that their contact causes [m]."""
         self._press(u, (u - self._u) / dt)
         found = _plus(free, self._yield, self.surface.state.force.ravel())
         return float(np.abs(u - found).max())
+
+    def derivatives(self) -> tuple[Array, Array]:
+        """Return stiffness and damping (6, 6) that the first body feels in a step, or at rest.
+
+        About its centre, in the frame of the elastic body, of contact and yielding body together,
+        as Gauss and Newton take them: over the step; or at rest, over any time, without damping.
+        Both are symmetric and positive semidefinite [N/m, N/rad; N, N m/rad].
+        """
+        state, (compliance, dt) = self.surface.state, self._acting
+        count = int(state.pressed[-1])
+        stiffness, damping = np.zeros((6, 6)), np.zeros((6, 6))
+        if count:
+            faces = self.surface.surface.arrays.faces[state.pressed[:count]]
+            arms = self.vertices - self.surface.centres[0]
+            springs = state.stiffness[:count]
+            yielding_stiffness(faces, springs, compliance, arms, stiffness)
+            if self.surface.surface.friction > 0.0 and dt < math.inf:
+                drag = (state.damping[:count] - state.slipping[:count]) / dt
+                yielding_stiffness(faces, springs + drag, compliance, arms, damping)
+                damping = dt * (damping - stiffness)
+        return stiffness, damping
 
     def settle(self, poses: Sequence[ArrayLike], *, most: int = 200) -> Array:
         """Bring the body to rest under bodies that do not move; return the wrenches on these.
@@ -248,13 +279,14 @@ class ElasticContact:
         except AsperityError:
             self.reset()
             raise
-        self._q = self.body.modes.T @ self._force / self.body.frequencies**2
+        self._q, self.error = self.body.modes.T @ self._force / self.body.frequencies**2, 0.0
         self._rate[:] = self._speed[:] = 0.0
         self._poses = placed
         return self.surface.wrenches
 
     def _relax(self, most: int) -> None:
         compliance, none = self.body.compliance, np.zeros_like(self._u)
+        self._acting = compliance, math.inf
         goal = _CLOSE * self.surface.surface.thickness
         force = self._force
         u = _plus(none, compliance, force)
@@ -298,7 +330,7 @@ class ElasticContact:
         count = int(state.pressed[-1])
         faces = self.surface.surface.arrays.faces[state.pressed[:count]]
         drag = state.damping[:count] - slipping * state.slipping[:count]
-        springs = state.stiffness[:count] + drag / dt
+        springs = state.stiffness[:count] + state.growing[:count] + drag / dt
         agreeing_forces(faces, springs, compliance, free, self._at, state.force.ravel(), out)
         return out
 

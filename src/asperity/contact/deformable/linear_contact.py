@@ -42,8 +42,11 @@ def pull_on_modes(modes, force, out):
 
 @inner_kernel
 def _eliminate(matrix, right, order):
-    """Solve a system (n, n) in place by Gauss with partial pivots; `order` (n,) is overwritten."""
-    n = right.size
+    """Solve a system (n, n) for right sides (n, m) in place, by Gauss with partial pivots.
+
+    Row `order[k]` of `right` becomes unknown k.
+    """
+    n, m = right.shape
     for i in range(n):
         order[i] = i
     for k in range(n):
@@ -52,22 +55,57 @@ def _eliminate(matrix, right, order):
             if abs(matrix[order[i], k]) > abs(matrix[order[best], k]):
                 best = i
         order[k], order[best] = order[best], order[k]
-        row = matrix[order[k]]
+        row, at = matrix[order[k]], right[order[k]]
         for i in range(k + 1, n):
-            other = matrix[order[i]]
+            other, there = matrix[order[i]], right[order[i]]
             share = other[k] / row[k]
             if share != 0.0:
-                other[k] = share
                 for j in range(k + 1, n):
                     other[j] -= share * row[j]
-                right[order[i]] -= share * right[order[k]]
-    # The solution takes the places of the pivots, which are not needed any more.
+                for c in range(m):
+                    there[c] -= share * at[c]
     for k in range(n - 1, -1, -1):
-        row = matrix[order[k]]
-        total = right[order[k]]
-        for j in range(k + 1, n):
-            total -= row[j] * matrix[order[j], j]
-        matrix[order[k], k] = total / row[k]
+        row, at = matrix[order[k]], right[order[k]]
+        for c in range(m):
+            total = at[c]
+            for j in range(k + 1, n):
+                total -= row[j] * right[order[j], c]
+            at[c] = total / row[k]
+
+
+@inner_kernel
+def _number_vertices(faces, local, vertex):
+    """Fill the numbers of the vertices of triangles, by their first use; return how many.
+
+    `local` (v,) has the number of a vertex, or -1; `vertex` the vertex of a number.
+    """
+    count = 0
+    local[:] = -1
+    for row in range(faces.shape[0]):
+        for corner in range(3):
+            v = faces[row, corner]
+            if local[v] < 0:
+                local[v], vertex[count] = count, v
+                count += 1
+    return count
+
+
+@inner_kernel
+def _fill_system(faces, springs, compliance, local, vertex, part, matrix):
+    """Fill `I + K C` of the numbered vertices, three rows each, and C of these alone, `part`."""
+    n = matrix.shape[0]
+    for i in range(n):
+        row = compliance[3 * vertex[i // 3] + i % 3]
+        for j in range(n):
+            part[i, j] = row[3 * vertex[j // 3] + j % 3]
+            matrix[i, j] = 1.0 if i == j else 0.0
+    for row in range(faces.shape[0]):
+        for i in range(9):
+            filled = matrix[3 * local[faces[row, i // 3]] + i % 3]
+            for j in range(9):
+                spring, other = springs[row, i, j], part[3 * local[faces[row, j // 3]] + j % 3]
+                for k in range(n):
+                    filled[k] += spring * other[k]
 
 
 @kernel
@@ -88,16 +126,8 @@ def agreeing_forces(faces, springs, compliance, free, place, force, out):
     free, place, force, out : (3 v,) arrays
         [m], [m], [N], [N]; three numbers a vertex.
     """
-    local = np.full(out.size // 3, -1)
-    vertex = np.empty(out.size // 3, np.int64)
-    count = 0
-    for row in range(faces.shape[0]):
-        for corner in range(3):
-            v = faces[row, corner]
-            if local[v] < 0:
-                local[v], vertex[count] = count, v
-                count += 1
-    n = 3 * count
+    local, vertex = np.empty(out.size // 3, np.int64), np.empty(out.size // 3, np.int64)
+    n = 3 * _number_vertices(faces, local, vertex)
     base = free.copy()
     for i in range(out.size):
         out[i] = 0.0 if local[i // 3] >= 0 else force[i]
@@ -106,19 +136,61 @@ def agreeing_forces(faces, springs, compliance, free, place, force, out):
         if out[i] != 0.0:
             for k in range(out.size):
                 base[k] += out[i] * compliance[i, k]
-    matrix, right, order = np.zeros((n, n)), np.empty(n), np.empty(n, np.int64)
+    matrix, part = np.empty((n, n)), np.empty((n, n))
+    right, order = np.empty((n, 1)), np.empty(n, np.int64)
     for i in range(n):
-        matrix[i, i] = 1.0
-        right[i] = force[3 * vertex[i // 3] + i % 3]
+        right[i, 0] = force[3 * vertex[i // 3] + i % 3]
     for row in range(faces.shape[0]):
         for i in range(9):
             at = 3 * local[faces[row, i // 3]] + i % 3
             for j in range(9):
-                spring, other = springs[row, i, j], 3 * faces[row, j // 3] + j % 3
-                right[at] -= spring * (base[other] - place[other])
-                for k in range(count):
-                    for axis in range(3):
-                        matrix[at, 3 * k + axis] += spring * compliance[other, 3 * vertex[k] + axis]
+                other = 3 * faces[row, j // 3] + j % 3
+                right[at, 0] -= springs[row, i, j] * (base[other] - place[other])
+    _fill_system(faces, springs, compliance, local, vertex, part, matrix)
     _eliminate(matrix, right, order)
     for k in range(n):
-        out[3 * vertex[k // 3] + k % 3] = matrix[order[k], k]
+        out[3 * vertex[k // 3] + k % 3] = right[order[k], 0]
+
+
+@kernel
+def yielding_stiffness(faces, springs, compliance, arms, out):
+    """Fill `out` (6, 6) with the stiffness felt by what touches triangles on a body that yields.
+
+    With R the rigid motion of the touched vertices, `R^T (K^-1 + C)^-1 R = R^T (I + K C)^-1 K R`:
+    the springs are moved by a motion of the other body as by the opposite one of their vertices.
+
+    Parameters
+    ----------
+    faces : (count, 3) array of int
+    springs : (count, 9, 9) array
+        K of each triangle [N/m].
+    compliance : (3 v, 3 v) array
+        C [m/N].
+    arms : (v, 3) array
+        From the centre of the motion to each vertex [m].
+    """
+    v = arms.shape[0]
+    local, vertex = np.empty(v, np.int64), np.empty(v, np.int64)
+    n = 3 * _number_vertices(faces, local, vertex)
+    matrix, part = np.empty((n, n)), np.empty((n, n))
+    right, order = np.zeros((n, 6)), np.empty(n, np.int64)
+    for row in range(faces.shape[0]):
+        for i in range(9):
+            at = 3 * local[faces[row, i // 3]] + i % 3
+            for j in range(9):
+                spring, axis, arm = springs[row, i, j], j % 3, arms[faces[row, j // 3]]
+                one, two = (axis + 1) % 3, (axis + 2) % 3
+                right[at, axis] += spring
+                right[at, 3 + one] += spring * arm[two]  # (rotation x arm) along the axis
+                right[at, 3 + two] -= spring * arm[one]
+    _fill_system(faces, springs, compliance, local, vertex, part, matrix)
+    _eliminate(matrix, right, order)
+    out[:] = 0.0
+    for k in range(n):
+        axis, arm = k % 3, arms[vertex[k // 3]]
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        for c in range(6):
+            force = right[order[k], c]
+            out[axis, c] += force
+            out[3 + one, c] += arm[two] * force
+            out[3 + two, c] -= arm[one] * force

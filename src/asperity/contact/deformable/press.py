@@ -206,9 +206,10 @@ def _add_blocks(surface, state, row, t, m, slip, springs):
             share = surface.weight[t, one] * surface.weight[t, two]
             for i in range(3):
                 for j in range(3):
-                    push = slope * m[i] * m[j] - drag * growth * slip[i] * m[j]
-                    state.stiffness[row, 3 * one + i, 3 * two + j] += share * push
+                    state.stiffness[row, 3 * one + i, 3 * two + j] += share * slope * m[i] * m[j]
                     if drag > 0.0:
+                        pushed = drag * growth * slip[i] * m[j]
+                        state.growing[row, 3 * one + i, 3 * two + j] -= share * pushed
                         across = (1.0 if i == j else 0.0) - m[i] * m[j] / square
                         state.damping[row, 3 * one + i, 3 * two + j] += share * drag * across
                         along = slip[i] * slip[j] / speed
@@ -253,7 +254,7 @@ def _clear(surface, state, out):
         for i in range(9):
             for j in range(9):
                 state.stiffness[row, i, j] = state.damping[row, i, j] = 0.0
-                state.slipping[row, i, j] = 0.0
+                state.slipping[row, i, j] = state.growing[row, i, j] = 0.0
     state.force[:] = 0.0
     state.wrench[:] = 0.0
     state.pressed[last] = 0

@@ -58,7 +58,9 @@ class SurfaceState(NamedTuple):
     """Numbers of the triangles with a taxel in contact; the last entry: how many; (m + 1,)."""
     stiffness: Array
     """Minus the derivative of the forces on the vertices of each triangle of `pressed` by their
-    places [N/m], (m, 9, 9); without that of the normals, nor of N."""
+    places [N/m], (m, 9, 9); without that of the normals, of N, and of friction."""
+    growing: Array
+    """That of the friction that grows with the pressure [N/m], (m, 9, 9)."""
     damping: Array
     """Friction over the slip velocities [N s/m], (m, 9, 9)."""
     slipping: Array

@@ -84,9 +84,19 @@ class DeformableSurface:
         self.mesh, self.thickness, self.friction = mesh, float(thickness), float(friction)
         self.stiffness_per_area = foundation_modulus(modulus, poisson, thickness)
         """K, pressure over compression [Pa/m]; see `foundation_modulus`."""
-        self._pitch = float(pitch)
+        self.pitch = float(pitch)
         piece = Geom("mesh", (1.0, 1.0, 1.0))  # not used: the surface is that of the mesh
         self._body = Body(mesh.name, [piece], texture, mapping, offset, mesh)
+        corners = mesh.vertices[mesh.faces]
+        self._area = 0.5 * np.linalg.norm(crosses(corners), axis=1)
+        self._sides = np.maximum(np.rint(np.sqrt(self._area) / self.pitch), 1.0)
+        total = float((self._sides**2).sum())
+        if total > MOST_TAXELS:
+            raise AsperityError(
+                f"pitch {self.pitch:g} m gives {total:.3g} taxels on {mesh.name!r}; valid: at "
+                f"most {MOST_TAXELS}, a pitch of "
+                f"{self.pitch * np.sqrt(total / MOST_TAXELS):.2g} m or more"
+            )
 
     @property
     def taxel_count(self) -> int:
@@ -104,23 +114,28 @@ class DeformableSurface:
         across = crosses(self.mesh.vertices[self.mesh.faces])
         return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
+    def corner_normals(self, vertices: Array) -> Array:
+        """Return the unit normals at the corners of the triangles (m, 3, 3), for places (v, 3)."""
+        arrays = self.arrays
+        corners = vertices[arrays.faces]
+        across = crosses(corners)
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        edges = [corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], across]
+        own = np.einsum("mck,kmi->mci", arrays.tilt, np.array(edges))
+        total = np.zeros((len(arrays.first_member) - 1, 3))
+        np.add.at(total, arrays.shared, own)
+        total /= np.linalg.norm(total, axis=1, keepdims=True)
+        return np.asarray(total[arrays.shared])
+
     @cached_property
     def arrays(self) -> SurfaceArrays:
         """The surface at rest, as kernels take it."""
         mesh, corners = self.mesh, self.mesh.vertices[self.mesh.faces]
-        area = 0.5 * np.linalg.norm(crosses(corners), axis=1)
-        sides = np.maximum(np.rint(np.sqrt(area) / self._pitch), 1.0)
-        total = float((sides**2).sum())
-        if total > MOST_TAXELS:
-            raise AsperityError(
-                f"pitch {self._pitch:g} m gives {total:.3g} taxels on {mesh.name!r}; valid: at "
-                f"most {MOST_TAXELS}, a pitch of "
-                f"{self._pitch * np.sqrt(total / MOST_TAXELS):.2g} m or more"
-            )
+        area, sides = self._area, self._sides
         counts = sides.astype(np.int64) ** 2
         first = np.concatenate([[0], np.cumsum(counts)])
         weight, height = np.empty((first[-1], 3)), np.empty(first[-1])
-        relief = MeshRelief(self._body, self._pitch)
+        relief = MeshRelief(self._body, self.pitch)
         for side in np.unique(sides.astype(np.int64)):
             faces = np.flatnonzero(sides == side)
             parts = np.broadcast_to(_centroids(side), (len(faces), side**2, 3))

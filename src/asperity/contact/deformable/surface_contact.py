@@ -81,7 +81,8 @@ class SurfaceContact:
             surface.taxels(), np.zeros((m, 3)), np.zeros((m, 3, 3)), np.zeros(m, np.int64),
             np.zeros((g, 3)), np.zeros(g), np.zeros(g, np.int64), np.zeros((g, 3)),
             np.zeros(g + 1, np.int64), np.zeros(m + 1, np.int64),
-            np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((v, 3)),
+            np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((m, 9, 9)), np.zeros((m, 9, 9)),
+            np.zeros((v, 3)),
             np.zeros((count, 6)), np.zeros(2, np.int64),
         )  # fmt: skip
         self.out = empty_output(surface.taxel_count)
@@ -190,7 +191,8 @@ class SurfaceContact:
     def clear(self) -> None:
         """Leave no contact and no force, until the next places."""
         self.state.wrench[:] = 0.0
-        for blocks in (self.state.stiffness, self.state.damping, self.state.slipping):
+        state = self.state
+        for blocks in (state.stiffness, state.growing, state.damping, state.slipping):
             blocks[:] = 0.0
         self.state.force[:] = 0.0
         for array in (self.out.compression, self.out.traction, self.out.force, self.out.wrench):
@@ -199,6 +201,16 @@ class SurfaceContact:
         self.out.energy[:] = self.out.push[:] = 0.0
         self.out.pressed[-1] = self.state.pressed[-1] = 0
         self._is_first = True
+
+    @property
+    def centres(self) -> Array:
+        """Where the centres of the bodies are [m], (bodies, 3)."""
+        return self._motion.centres
+
+    @property
+    def twists(self) -> Array:
+        """Velocities of the centres [m/s] and angular velocities [rad/s], (bodies, 6)."""
+        return self._motion.twists
 
     @property
     def energy(self) -> float:

@@ -46,9 +46,13 @@ class ContactMoment:
     normal: Array
     force: Array
     depth: Array
+    bent: Array | None = None
+    """Displacements of the vertices of an elastic body [m], (v, 3)."""
 
     @classmethod
-    def of(cls, time: float, pose: Array, contacts: Any) -> ContactMoment:
+    def of(
+        cls, time: float, pose: Array, contacts: Any, bent: Array | None = None
+    ) -> ContactMoment:
         """Return a copy of the solver's present `contacts`; those at one point are merged."""
         n = int(contacts.count[0])
         _, first, one = np.unique(
@@ -64,6 +68,7 @@ class ContactMoment:
             contacts.normal[:n][first].copy(),
             force,
             contacts.depth[:n][first].copy(),
+            None if bent is None else bent.copy(),
         )
 
     @property
@@ -160,7 +165,7 @@ def picture_from(
     view = ViewBall(camera.centre, radius, int(radius / camera.pixel), camera)
     raised = moment.pose.copy()
     raised[:3] += moment.pushed
-    parts = scene_parts(scene, raised)
+    parts = scene_parts(scene, raised, moment.bent)
     ground, tool = (_sheets(parts, view, is_tool=which) for which in (False, True))
     colours = [part.colour for part in parts]
     below, above = look(ground, camera), look(tool, camera)

@@ -9,6 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.contact.deformable.bent_shape import BentShape
+from asperity.contact.deformable.surface import DeformableSurface
 from asperity.geometry.bodies import Body
 from asperity.geometry.displaced.geoms import body_sheets
 from asperity.geometry.displaced.sheet import Sheet
@@ -36,14 +38,27 @@ class Part:
     pose: Array
     """Of the body's frame, (7,)."""
     is_tool: bool
+    bent: tuple[DeformableSurface, Array] | None = None
+    """Of an elastic body: its surface, and the displacements of its vertices (v, 3) [m]."""
 
     def sheets(self, view: ViewBall) -> Iterator[Sheet]:
         """Yield its displaced surface."""
-        yield from body_sheets(self.body, self.pose, view, self.faces)
+        for sheet in body_sheets(self.body, self.pose, view, self.faces):
+            if self.bent is None:
+                yield sheet
+                continue
+            shape, (surface, displacements) = sheet.points.shape, self.bent
+            flat = (part.reshape(-1, 3) for part in (sheet.points, sheet.normals))
+            moved = BentShape(surface, self.pose, *flat).moved(displacements)
+            points, normals = (part.reshape(shape) for part in moved)
+            yield sheet._replace(points=points, normals=normals)
 
 
-def scene_parts(scene: Scene, tool_pose: Array) -> list[Part]:
-    """Return the parts of a scene with the tool at a pose (7,)."""
+def scene_parts(scene: Scene, tool_pose: Array, bent: Array | None = None) -> list[Part]:
+    """Return the parts of a scene with the tool at a pose (7,).
+
+    `bent` are the displacements of the vertices of its elastic body (v, 3) [m], if there is one.
+    """
     data = mujoco.MjData(scene.model)
     mujoco.mj_kinematics(scene.model, data)
     owned = touchable_geoms(scene.model)
@@ -53,13 +68,17 @@ def scene_parts(scene: Scene, tool_pose: Array) -> list[Part]:
         i = mujoco.mj_name2id(scene.model, mujoco.mjtObj.mjOBJ_BODY, body.name)
         pose = tool_pose if is_tool else np.concatenate([data.xpos[i], data.xquat[i]])
         colours = [_colour(scene.model, k, is_tool) for k, _ in owned[body.name]]
+        solid = scene.elastic
+        shape = None
+        if solid is not None and bent is not None and solid.body.name == body.name:
+            shape = solid.surface, bent
         if body.mesh is None:
-            parts += [Part(one, None, colours[0], pose, is_tool) for one in body.parts]
+            parts += [Part(one, None, colours[0], pose, is_tool, shape) for one in body.parts]
             continue
         nearest = _nearest_geom(body)
         for colour in dict.fromkeys(colours):
             faces = np.array([c == colour for c in colours])[nearest]
-            parts.append(Part(body, faces, colour, pose, is_tool))
+            parts.append(Part(body, faces, colour, pose, is_tool, shape))
     return parts
 
 

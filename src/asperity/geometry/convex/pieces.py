@@ -8,9 +8,7 @@ disk. The pieces only bound where the body may touch; its surface is that of the
 from __future__ import annotations
 
 import hashlib
-import logging
 import os
-import tempfile
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
@@ -19,8 +17,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
-from asperity._core import kernels
 from asperity._core.arrays import Array, Indices
+from asperity._core.kept_arrays import kept_folder, read_arrays, write_arrays
 from asperity.errors import AsperityError, require_between
 from asperity.geometry.mesh.checks import SAME_PLACE, joined, refuse, same_places
 from asperity.geometry.mesh.mesh import Mesh
@@ -88,7 +86,8 @@ def convex_pieces(
         cut = _read_pieces(file)
         if cut is None:
             cut = _cut(mesh.name, points, faces, settings)
-            _write_pieces(file, cut)
+            named = {f"arr_{k}": piece for k, piece in enumerate(cut)}
+            write_arrays(file, named, "convex pieces")
         pieces += cut
     return tuple(_solid(piece, size) for piece in pieces)
 
@@ -326,33 +325,15 @@ def _cache_file(
     digest = hashlib.sha256(f"{tool} {sorted(settings.items())}".encode())
     digest.update(points.tobytes())
     digest.update(faces.tobytes())
-    # Beside the compiled kernels' folders, which are named by sources: pieces outlive edits.
-    root = kernels.cache_folder().parent / "convex-pieces" if folder is None else Path(folder)
+    root = kept_folder("convex-pieces") if folder is None else Path(folder)
     return root / f"{digest.hexdigest()[:32]}.npz"
 
 
 def _read_pieces(file: Path) -> list[Array] | None:
     """Return the pieces in a file; None if it is missing or damaged."""
-    try:
-        with np.load(file, allow_pickle=False) as archive:
-            pieces = [archive[f"arr_{k}"] for k in range(len(archive.files))]
-    except Exception:  # any exception on a damaged file: the pieces are computed again
+    found = read_arrays(file)
+    if found is None:
         return None
+    pieces = [found.get(f"arr_{k}", np.empty(0)) for k in range(len(found))]
     good = [p.ndim == 2 and p.shape[1] == 3 and p.dtype == float for p in pieces]
     return pieces if pieces and all(good) and np.isfinite(np.concatenate(pieces)).all() else None
-
-
-def _write_pieces(file: Path, pieces: list[Array]) -> None:
-    """Write pieces atomically, so that no other process reads a partial file."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                np.savez(stream, *pieces)
-            os.replace(temporary, file)
-        except BaseException:
-            os.unlink(temporary)
-            raise
-    except OSError as error:
-        logging.getLogger(__name__).warning("convex pieces are not kept: %s", error)

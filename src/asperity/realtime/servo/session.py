@@ -122,4 +122,4 @@ def _moment(scene: Scene, rollout: Rollout) -> ContactMoment:
     stage = ToolContact(scene)
     pose = rollout.tool_pose[hardest]
     stage.evaluate(pose)
-    return ContactMoment.of(float(rollout.time[hardest]), pose, stage.contacts)
+    return ContactMoment.of(float(rollout.time[hardest]), pose, stage.contacts, stage.displacements)

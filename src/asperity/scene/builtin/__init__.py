@@ -10,7 +10,7 @@ from asperity.scene.builtin.file_cad import file_cad
 from asperity.scene.builtin.finger_plate import finger_plate
 from asperity.scene.builtin.hammer_blocks import hammer_blocks
 from asperity.scene.builtin.probe_plate import probe_plate
-from asperity.scene.builtin.soft_bodies import palpation, sponge
+from asperity.scene.builtin.soft_bodies import elastic_block, palpation, sponge
 from asperity.scene.builtin.tactile_map import tactile_map
 from asperity.scene.scene import Scene, read_scene
 from asperity.scene.texture import with_seed
@@ -25,6 +25,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "tactile-map": tactile_map,
     "sponge": sponge,
     "palpation": palpation,
+    "elastic-block": elastic_block,
 }
 """Constructors of the built-in scenes, by name."""
 PROBE_PLATES = tuple(name for name in SCENES if name.startswith("probe-plate"))
@@ -62,6 +63,6 @@ def load_scene(name_or_path: str | Path, *, seed: int | None = None) -> Scene:
 
 
 __all__ = [
-    "PROBE_PLATES", "SCENES", "file_cad", "finger_plate", "hammer_blocks", "load_scene",
-    "palpation", "probe_plate", "sponge", "tactile_map",
+    "PROBE_PLATES", "SCENES", "elastic_block", "file_cad", "finger_plate", "hammer_blocks",
+    "load_scene", "palpation", "probe_plate", "sponge", "tactile_map",
 ]  # fmt: skip

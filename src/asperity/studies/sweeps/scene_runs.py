@@ -19,7 +19,8 @@ from asperity.runs.run_scene import Run, run_scene
 from asperity.runs.vibration_metrics import DEFAULT_BAND, band_rms, spectrum
 from asperity.scene.builtin import PROBE_PLATES, SCENES, load_scene, probe_plate
 from asperity.scene.document import arguments, at, beside, require_keys
-from asperity.scene.scene import ANTI_ALIAS_MODES, Scene
+from asperity.scene.scene import Scene
+from asperity.scene.sections import ANTI_ALIAS_MODES
 from asperity.scene.texture import body_texture, with_seed
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.studies.sweeps.content import flatten, hash_content, nest, seed_of

@@ -253,7 +253,7 @@ def _shape(part: Part, view: ViewBall, spacing: float, number: int, materials: b
 def detail_of(
     scene: Scene, tool_pose: Array, contact: Array, radius: float, *, heights: bool
 ) -> list[Drawable]:
-    """Return the textured surfaces near a contact, drawn finely.
+    """Return the textured surfaces near a contact, drawn finely; not that of an elastic body.
 
     Parameters
     ----------
@@ -268,7 +268,8 @@ def detail_of(
     """
     out = []
     for i, part in enumerate(scene_parts(scene, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))):
-        if not part.body.fields:
+        is_bent = scene.elastic is not None and scene.elastic.body.name == part.body.name
+        if not part.body.fields or is_bent:
             continue
         at = contact
         if part.is_tool:

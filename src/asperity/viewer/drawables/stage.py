@@ -74,6 +74,14 @@ def add_shape(
     return server.scene.add_glb(f"{parent}/{shape.name}", data)
 
 
+def add_soft_shape(server: ViserServer, shape: Drawable, parent: str) -> Any:
+    """Add a shape in its mean colour, whose vertices can be moved; return its node."""
+    colour = tuple((255.0 * shape.colours.mean(axis=0)).astype(int).tolist())
+    return server.scene.add_mesh_simple(
+        f"{parent}/{shape.name}", UNITS * shape.vertices, shape.faces, color=colour
+    )
+
+
 def place(node: Any, pose: Array) -> None:
     """Move a node to a pose (7,)."""
     node.position = tuple((UNITS * pose[:3]).tolist())

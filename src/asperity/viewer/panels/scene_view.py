@@ -1,7 +1,7 @@
 """The 3-D scene: displaced bodies, tool and handle, contacts, forces.
 
-Geometry is sent to the browser once; an update moves the tool and the handle and redraws a few
-arrows. The view is in units of `stage.UNITS`, as scenes are millimetres in size and the browser's
+Geometry is sent to the browser once; an update moves tool and handle and redraws a few arrows. The
+view is in units of `stage.UNITS`, as scenes are millimetres in size and the browser's
 camera is made for metres.
 """
 
@@ -25,11 +25,13 @@ from asperity.viewer.drawables.stage import (
     UNITS,
     add_ground,
     add_shape,
+    add_soft_shape,
     disc,
     place,
     set_up_lights,
     turn_to,
 )
+from asperity.viewer.panels.bent import Bent
 from asperity.viewer.panels.detail import Detail
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.server.pace import step_back
@@ -84,7 +86,7 @@ class SceneView(Panel):
         self._nodes: list[Any] = []
         self._painting: list[tuple[Drawable, Future[NDArray[np.uint8]]]] = []
         self._painter = ThreadPoolExecutor(1, "asperity-paint", initializer=step_back)
-        self.detail = Detail()
+        self.detail, self._bent = Detail(), Bent()
         self._looked_at: Array = np.zeros(3)
         self._thin = False
         self.shapes: list[Drawable] = []
@@ -111,10 +113,12 @@ class SceneView(Panel):
         self._show_wrench(snapshot)
         self._show_detail(snapshot)
         self._show_painted()
+        self._show_bent(scene, snapshot)
 
     def close(self) -> None:
         """Stop what is drawn in the background."""
         self.detail.close()
+        self._bent.close()
         self._painter.shutdown(wait=False, cancel_futures=True)
 
     # -- zoom and colours ----------------------------------------------------------------------
@@ -205,6 +209,7 @@ class SceneView(Panel):
         self._seen = min(self._size, _WHOLE)
         self._thin = False
         self.detail.begin(scene, self._seen / UNITS * _REACH)
+        self._bent.begin(scene, self.shapes)
         add = self._server.scene
         self._tool = add.add_frame("/tool", show_axes=False)
         self._ghost = add.add_frame("/handle", show_axes=False)
@@ -221,8 +226,9 @@ class SceneView(Panel):
 
     def _add(self, shape: Drawable, parent: str) -> None:
         """Add a shape; the image of its relief, which takes a while, follows."""
-        self._nodes.append(add_shape(self._server, shape, parent))
-        if shape.atlas is not None:
+        is_bent = self._bent.bends(shape)
+        self._nodes.append((add_soft_shape if is_bent else add_shape)(self._server, shape, parent))
+        if shape.atlas is not None and not is_bent:
             self._painting.append((shape, self._painter.submit(shape.atlas.image)))
 
     def _show_painted(self) -> None:
@@ -234,6 +240,14 @@ class SceneView(Panel):
             parent = "/tool" if shape.is_tool else "/scene"
             node = add_shape(self._server, shape, parent, image=job.result())
             self._nodes = [one for one in self._nodes if one.name != node.name] + [node]
+
+    def _show_bent(self, scene: Scene, snapshot: Snapshot) -> None:
+        """Show an elastic body as the tool bends it."""
+        if self._server.get_clients():
+            self._bent.follow(scene, snapshot.tool_pose)
+        for name, vertices in self._bent.moved().items():
+            (node,) = [one for one in self._nodes if one.name == f"/scene/{name}"]
+            node.vertices = (UNITS * vertices).astype(np.float32)
 
     def _add_ghost(self, ghost: list[Drawable]) -> None:
         """Add the handle: a smooth, translucent copy of the tool at the hand's pose."""

@@ -1,4 +1,4 @@
-"""Pressure and shear on a soft skin as a coloured map, of scenes that have one.
+"""Pressure and shear on a soft body as a coloured map, of scenes that have one.
 
 The loop passes on where the tool is, not the tractions of thousands of taxels. They follow from
 the pose, and friction from the motion, so the page computes them, in a thread: with the mean
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from asperity.realtime.servo.snapshot import Snapshot
 from asperity.scene.scene import Scene
-from asperity.simulation.skin_engine import SkinEngine
+from asperity.simulation.elastic_engine import ElasticEngine
+from asperity.simulation.soft_engine import soft_engine
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.panels.taxel_map import SteadyScale, taxel_map
 from asperity.viewer.server.pace import step_back
@@ -60,13 +61,14 @@ class SkinMap(NamedTuple):
 
 
 def skin_map(
-    engine: SkinEngine, motion: Moved, shown: str, scales: dict[bool, SteadyScale]
+    engine: Any, motion: Moved, shown: str, scales: dict[bool, SteadyScale]
 ) -> SkinMap:
     """Return the map of a motion of the tool.
 
     Parameters
     ----------
-    engine : SkinEngine
+    engine : SkinEngine or ElasticEngine
+        An elastic body is shown at rest under the tool.
     motion : Moved
     shown : str
         One of `SHOWN`.
@@ -74,6 +76,8 @@ def skin_map(
         Of pressures (False), and of shears (True).
     """
     engine.reset()
+    if isinstance(engine, ElasticEngine):
+        motion = Moved(motion.pose, motion.pose, 0.0)
     if motion.moves:  # else friction would be that of the last motion
         engine.wrench(motion.before, motion.seconds)
     engine.wrench(motion.pose, motion.seconds if motion.moves else 0.0)
@@ -98,7 +102,7 @@ class SkinPanel(Panel):
     def __init__(self) -> None:
         self._generation = -1
         self._scene: Scene | None = None
-        self._engine: tuple[Scene, SkinEngine] | None = None
+        self._engine: tuple[Scene, Any] | None = None
         self._last: Snapshot | None = None
         self._drawn: tuple[Any, ...] = ()
         self._scales: dict[bool, SteadyScale] = {}
@@ -135,16 +139,15 @@ class SkinPanel(Panel):
 
     def _begin(self, generation: int) -> None:
         scene = self._servo.config.scene
-        self._generation, self._scene = generation, scene if scene.skin is not None else None
+        self._generation, self._scene = generation, scene if scene.soft is not None else None
         self._last, self._drawn = None, ()
         self._scales = {False: SteadyScale(), True: SteadyScale()}
         for part in (self._kind, self._image, self._text):
             part.visible = self._scene is not None
 
     def _made(self, scene: Scene, motion: Moved, shown: str) -> SkinMap:
-        assert scene.skin is not None
         if self._engine is None or self._engine[0] is not scene:
-            self._engine = scene, SkinEngine(scene, scene.skin)
+            self._engine = scene, soft_engine(scene)
         return skin_map(self._engine[1], motion, shown, self._scales)
 
     def _show(self) -> None:
