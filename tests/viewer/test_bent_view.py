@@ -7,7 +7,8 @@ from asperity.scene.builtin import load_scene
 from asperity.simulation.soft_engine import soft_engine
 from asperity.viewer.drawables.shapes import detail_of, shapes_of
 from asperity.viewer.panels.bent import Bent
-from asperity.viewer.panels.pressure import pressure_map
+from asperity.viewer.panels.skin import PRESSURE, Moved, skin_map
+from asperity.viewer.panels.taxel_map import SteadyScale
 
 pytest.importorskip("viser")
 
@@ -68,10 +69,12 @@ def test_no_detail_of_it_is_drawn_where_it_was_at_rest():
 def test_the_map_shows_its_pressure():
     scene = block()
     engine = soft_engine(scene)
-    shown = pressure_map(engine, pressed(scene), 0.0)
+    pose = pressed(scene)
+    scales = {False: SteadyScale(), True: SteadyScale()}
+    shown = skin_map(engine, Moved(pose, pose, 0.0), PRESSURE, scales)
     rows, columns = engine.grid.taxels
-    assert shown.image.shape == (4 * rows, 4 * columns, 3)
-    assert shown.largest == engine.skin.pressure.max() > 0.0
+    assert shown.image.shape[0] > shown.image.shape[1] * rows // columns
+    assert shown.pressure == engine.skin.pressure.max() > 0.0
     assert shown.area == engine.skin.contact_area > 0.0
 
 

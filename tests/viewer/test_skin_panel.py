@@ -147,11 +147,17 @@ def test_the_page_shows_it_and_hides_it_for_another_scene():
     assert panel._image.image.max() > 100
     assert "kPa pressure" in panel._text.content
     assert "kPa shear" in panel._text.content
+    # Of a rigid tool, only on request.
     servo.config.scene, panel._text.content = load_scene("probe-plate"), ""
     panel.update(SimpleNamespace(number=1, generation=2, snapshot=None))
     assert not panel._image.visible
-    assert not panel._kind.visible
     assert not panel._text.visible
+    panel._kind.value = PRESSURE
+    pose = servo.config.scene.start.copy()
+    pose[2] -= 1e-4
+    frames(panel, pose, generation=2, first=8)
+    assert panel._image.visible
+    assert "kPa pressure" in panel._text.content
     panel.close()
 
 
@@ -164,7 +170,7 @@ def test_another_kind_is_shown_of_a_tool_at_rest_too():
         panel._kind.value, panel._text.content = kind, ""
         frames(panel, pose, first=8)
         images.append(panel._image.image)
-    assert len(SHOWN) == 4
+    assert len(SHOWN) == 5
     assert all(np.any(a != b) for i, a in enumerate(images) for b in images[:i])
     panel.close()
 

@@ -123,10 +123,6 @@ class RunCommand:
         from asperity.simulation.tool_contact import announce_compiling, tick_kernel
 
         scene = self._scene()
-        if self.field_rate_hz and scene.soft is None:
-            raise AsperityError(
-                f"--field-rate-hz: {scene.name} has no soft skin ([tool.skin]) or elastic body"
-            )
         scale = scale_table(scene)
         motion = self._motion(scene)
         self._save(scene, motion)

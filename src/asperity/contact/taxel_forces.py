@@ -30,6 +30,11 @@ class TaxelForces:
     spread : float, optional
         Standard deviation of the bell [m]; by default the mean distance of neighbours.
 
+    Attributes
+    ----------
+    spread : float
+        [m]
+
     Raises
     ------
     AsperityError
@@ -55,7 +60,7 @@ class TaxelForces:
             apart = np.linalg.norm(self.places[:, None] - self.places, axis=2)
             np.fill_diagonal(apart, np.inf)
             spread = float(apart.min(axis=1).mean())
-        self._spread = require_positive("spread", spread, "[m]")
+        self.spread = require_positive("spread", spread, "[m]")
 
     def of_tool(
         self, pose: ArrayLike, contacts: Contacts, wrench: ArrayLike, centre: ArrayLike
@@ -102,15 +107,15 @@ class TaxelForces:
         """
         arms = self.places - point
         far = np.linalg.norm(arms, axis=1)
-        near = np.flatnonzero(far <= max(_REACH * self._spread, np.sort(far)[:_FEWEST][-1]))
+        near = np.flatnonzero(far <= max(_REACH * self.spread, np.sort(far)[:_FEWEST][-1]))
         if np.linalg.matrix_rank(arms[near] - arms[near].mean(axis=0), 1e-9) < 2:
             near = np.arange(len(far))
         arms, far = arms[near], far[near]
-        weight = np.exp(-0.5 * ((far - far.min()) / self._spread) ** 2)
+        weight = np.exp(-0.5 * ((far - far.min()) / self.spread) ** 2)
         weight /= weight.sum()
         forces = weight[:, None] * force
         # The change `weight (a + b x arm)` has no force and lacks the moment, for one (a, b).
-        scale = self._spread
+        scale = self.spread
         across = _cross_matrices(arms / scale)
         rows = np.concatenate([np.broadcast_to(np.eye(3), across.shape), across], axis=1)
         system = np.einsum("n,nij,nkj->ik", weight, rows, rows)

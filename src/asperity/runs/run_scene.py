@@ -19,6 +19,7 @@ from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.dynamics.passivity.controller import PassivityController
 from asperity.runs.recording import RecordingWriter, variables_of
 from asperity.runs.skin_fields import FieldWriter
+from asperity.runs.tool_taxels import ToolTaxels
 from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory
 from asperity.simulation.anti_aliasing import SPAN
@@ -82,8 +83,8 @@ def run_scene(
     source : str
         What `load_scene` needs to load the scene again, for `replay`. Default: its name.
     field_rate : float
-        Rate at which the pressure and shear of a soft body are recorded [Hz], at most that of the
-        ticks; 0 records none.
+        Rate at which the pressure and shear of a soft body, or of a rigid tool, are recorded [Hz],
+        at most that of the ticks; 0 records none.
     on_tick : callable
         Called after each tick with its number and what there is so far.
     """
@@ -106,8 +107,9 @@ def run_scene(
     controller = PassivityController(simulation.dt) if hand else None
     with ExitStack() as stack:
         writer = recording and stack.enter_context(RecordingWriter(recording, attributes))
-        is_kept = bool(writer and scene.soft and every)
-        fields = FieldWriter(writer.file, stage.engine.grid) if writer and is_kept else None
+        taxels = ToolTaxels(scene) if writer and every and scene.soft is None else None
+        source_of_fields = taxels or stage.engine
+        fields = FieldWriter(writer.file, source_of_fields.grid) if writer and every else None
 
         def keep(i: int, rollout: Rollout) -> None:
             nonlocal best, largest, written
@@ -122,7 +124,10 @@ def run_scene(
                 writer.add_rows(variables_of(rollout, slice(written, i + 1)))
                 written = i + 1
             if fields and i % every == 0:
-                fields.add(float(rollout.time[i]), stage.engine.skin)
+                if taxels:
+                    pose, wrench = rollout.tool_pose[i], rollout.contact_wrench[i]
+                    taxels.fill(pose, simulation.contacts, wrench, stage.engine.centre)
+                fields.add(float(rollout.time[i]), source_of_fields.skin)
             on_tick(i, rollout)
 
         rollout = simulation.rollout(trajectory, hand=held, controller=controller, on_tick=keep)
@@ -140,6 +145,11 @@ def run_scene(
             f"{scene.elastic.body.name} was displaced by up to {100 * stage.engine.strain:.3g} % "
             f"of its smallest side: beyond some {100 * _LINEAR:.0f} % a linear body has wrong "
             "forces; press less, or take a stiffer or thicker one"
+        )
+    if taxels:
+        summary["notes"].append(
+            "a rigid contact has no area: its pressure and shear are recorded as spread over "
+            f"{2e3 * taxels.spread:.2g} mm, a choice"
         )
     if isinstance(motion, Trajectory):
         summary["notes"] += [f"{motion.name}: {note}" for note in motion.notes]

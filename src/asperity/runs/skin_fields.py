@@ -1,4 +1,4 @@
-"""Pressure and shear of a soft body over time: in a recording, and read from it.
+"""Pressure and shear of a soft body or of a rigid tool over time: in a recording, and read from it.
 
 The group `skin` of `recording.h5` holds `time` (frames,) [s], `pressure` (frames, rows, columns)
 and `shear` (frames, rows, columns, 2) [Pa], and where the rows and columns lie [m].
@@ -6,16 +6,14 @@ and `shear` (frames, rows, columns, 2) [Pa], and where the rows and columns lie 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity.contact.deformable.seen_from_above import SeenFromAbove, TaxelGrid
-from asperity.contact.soft.skin import SoftSkin
-from asperity.contact.soft.skin_contact import SkinContact
 from asperity.errors import AsperityError
 from asperity.runs.recording import recording_file
 
@@ -36,16 +34,34 @@ class SkinFields:
     row: Array
 
 
+class FieldGrid(Protocol):
+    """Where fields are: rows and columns, and the grid's ends along columns and rows [m]."""
+
+    @property
+    def taxels(self) -> Sequence[int]: ...  # noqa: D102
+    @property
+    def extent(self) -> tuple[float, float, float, float]: ...  # noqa: D102
+
+
+class Fields(Protocol):
+    """Pressure (rows, columns) and shear (rows, columns, 2) of the last pose [Pa]."""
+
+    @property
+    def pressure(self) -> Array: ...  # noqa: D102
+    @property
+    def shear(self) -> Array: ...  # noqa: D102
+
+
 class FieldWriter:
     """Adds frames to an open recording.
 
     Parameters
     ----------
     file : h5py.File
-    grid : SoftSkin or TaxelGrid
+    grid : FieldGrid
     """
 
-    def __init__(self, file: Any, grid: SoftSkin | TaxelGrid) -> None:
+    def __init__(self, file: Any, grid: FieldGrid) -> None:
         rows, columns = grid.taxels
         group = file.create_group("skin")
         first, last, low, high = grid.extent
@@ -68,10 +84,10 @@ class FieldWriter:
         for name in ("column", "row"):
             group[name].attrs.update(units="m", long_name=f"middle of each {name}")
 
-    def add(self, time: float, contact: SkinContact | SeenFromAbove) -> None:
+    def add(self, time: float, fields: Fields) -> None:
         """Add the fields of the last pose."""
         count = len(self._data["time"])
-        values = {"time": time, "pressure": contact.pressure, "shear": contact.shear}
+        values = {"time": time, "pressure": fields.pressure, "shear": fields.shear}
         for name in ("pressure", "shear", "time"):
             self._data[name].resize(count + 1, axis=0)
             self._data[name][count] = values[name]
@@ -97,10 +113,7 @@ def read_fields(path: str | Path) -> SkinFields:
         with h5py.File(file, "r") as opened:
             group = opened.get("skin")
             if group is None:
-                raise AsperityError(
-                    f"{file} has no pressure fields; record a scene with a soft body with "
-                    "--field-rate-hz"
-                )
+                raise AsperityError(f"{file} has no pressure fields; record with --field-rate-hz")
             n = len(group["time"])
             parts = {name: group[name][:n] for name in ("time", "pressure", "shear")}
             return SkinFields(**parts, column=group["column"][:], row=group["row"][:])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array, Indices
 from asperity.contact.soft.press import BLOCK, TaxelArrays, lay
@@ -52,6 +53,15 @@ def foundation_modulus(modulus: float, poisson: float, thickness: float) -> floa
             f"{poisson!r}"
         )
     return (1.0 - poisson) * modulus / ((1.0 + poisson) * (1.0 - 2.0 * poisson) * thickness)
+
+
+def grid_axes(facing: ArrayLike) -> Array:
+    """Return the directions of columns, rows and of the vector `facing` (3,), as rows (3, 3)."""
+    out = np.asarray(facing, dtype=np.float64) / np.linalg.norm(facing)
+    along = np.array([0.0, 1.0, 0.0] if abs(out[0]) > 0.9 else [1.0, 0.0, 0.0])
+    along -= out * (out @ along)
+    along /= np.linalg.norm(along)
+    return np.array([along, np.cross(out, along), out])
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,12 +153,7 @@ class SoftSkin:
     @cached_property
     def axes(self) -> Array:
         """Directions of columns, rows and `facing`, rows of a (3, 3) array in the body's frame."""
-        facing = np.asarray(self.facing, dtype=np.float64)
-        facing = facing / np.linalg.norm(facing)
-        along = np.array([0.0, 1.0, 0.0] if abs(facing[0]) > 0.9 else [1.0, 0.0, 0.0])
-        along -= facing * (facing @ along)
-        along /= np.linalg.norm(along)
-        return np.array([along, np.cross(facing, along), facing])
+        return grid_axes(self.facing)
 
     @property
     def arrays(self) -> TaxelArrays:

@@ -1,4 +1,4 @@
-"""Pressure and shear on a soft body as a coloured map, of scenes that have one.
+"""Pressure and shear as a coloured map: on a soft body, or on a rigid tool on request.
 
 The loop passes on where the tool is, not the tractions of thousands of taxels. They follow from
 the pose, and friction from the motion, so the page computes them, in a thread: with the mean
@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.realtime.servo.snapshot import Snapshot
+from asperity.runs.tool_taxels import field_engine
 from asperity.scene.scene import Scene
-from asperity.simulation.elastic_engine import ElasticEngine
-from asperity.simulation.soft_engine import soft_engine
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.panels.taxel_map import SteadyScale, taxel_map
 from asperity.viewer.server.pace import step_back
@@ -30,8 +29,9 @@ _LONGEST = 0.2
 _SHOWN = 97.0
 """Percentile of the pressed taxels that the scale reaches: a few, on steep flanks, bear far more.
 """
-PRESSURE, SHEAR, RIGHT, UP = "pressure", "shear: size, direction", "shear to the right", "shear up"
-SHOWN = (PRESSURE, SHEAR, RIGHT, UP)
+NOTHING, PRESSURE = "nothing", "pressure"
+SHEAR, RIGHT, UP = "shear: size, direction", "shear to the right", "shear up"
+SHOWN = (NOTHING, PRESSURE, SHEAR, RIGHT, UP)
 """What the map can show."""
 
 
@@ -60,15 +60,13 @@ class SkinMap(NamedTuple):
     """Of the contact [m^2]."""
 
 
-def skin_map(
-    engine: Any, motion: Moved, shown: str, scales: dict[bool, SteadyScale]
-) -> SkinMap:
+def skin_map(engine: Any, motion: Moved, shown: str, scales: dict[bool, SteadyScale]) -> SkinMap:
     """Return the map of a motion of the tool.
 
     Parameters
     ----------
-    engine : SkinEngine or ElasticEngine
-        An elastic body is shown at rest under the tool.
+    engine
+        As `field_engine` returns it.
     motion : Moved
     shown : str
         One of `SHOWN`.
@@ -76,8 +74,6 @@ def skin_map(
         Of pressures (False), and of shears (True).
     """
     engine.reset()
-    if isinstance(engine, ElasticEngine):
-        motion = Moved(motion.pose, motion.pose, 0.0)
     if motion.moves:  # else friction would be that of the last motion
         engine.wrench(motion.before, motion.seconds)
     engine.wrench(motion.pose, motion.seconds if motion.moves else 0.0)
@@ -95,7 +91,7 @@ def skin_map(
 
 
 class SkinPanel(Panel):
-    """The map, while the scene has a soft skin and a browser looks."""
+    """The map, while a browser looks."""
 
     title = "Plots"
 
@@ -114,11 +110,11 @@ class SkinPanel(Panel):
         self._server, self._servo = server, servo
         black = np.zeros((256, 256, 3), np.uint8)
         self._kind: Any = server.gui.add_dropdown(
-            "On the skin", SHOWN, visible=False,
+            "Map", SHOWN, visible=False,
             hint="Shear is what the other surface does to the skin; an arrow is the mean of a "
             "square. Right is along the columns of taxels, up along the rows.",
         )  # fmt: skip
-        self._image: Any = server.gui.add_image(black, label="on the skin", visible=False)
+        self._image: Any = server.gui.add_image(black, label="on what touches", visible=False)
         self._text: Any = server.gui.add_markdown("", visible=False)
 
     def update(self, frame: Frame) -> None:
@@ -126,9 +122,12 @@ class SkinPanel(Panel):
         if frame.generation != self._generation:
             self._begin(frame.generation)
         self._show()
+        self._image.visible = self._text.visible = self._kind.value != NOTHING
         last, self._last = self._last, frame.snapshot
         waits = frame.number % _EVERY or self._making is not None or frame.snapshot is None
         if self._scene is None or waits or not self._server.get_clients():
+            return
+        if self._kind.value == NOTHING:
             return
         motion = _motion(last, frame.snapshot)  # type: ignore[arg-type]
         shown = self._kind.value
@@ -139,15 +138,18 @@ class SkinPanel(Panel):
 
     def _begin(self, generation: int) -> None:
         scene = self._servo.config.scene
-        self._generation, self._scene = generation, scene if scene.soft is not None else None
+        self._generation, self._scene = generation, scene
         self._last, self._drawn = None, ()
         self._scales = {False: SteadyScale(), True: SteadyScale()}
-        for part in (self._kind, self._image, self._text):
-            part.visible = self._scene is not None
+        # The area of a rigid contact is chosen, and a map of it costs a second search.
+        self._kind.value = PRESSURE if scene.soft is not None else NOTHING
+        self._kind.visible = True
 
     def _made(self, scene: Scene, motion: Moved, shown: str) -> SkinMap:
         if self._engine is None or self._engine[0] is not scene:
-            self._engine = scene, soft_engine(scene)
+            self._engine = scene, field_engine(scene)
+        if scene.elastic is not None:  # as it is at rest under the tool
+            motion = Moved(motion.pose, motion.pose, 0.0)
         return skin_map(self._engine[1], motion, shown, self._scales)
 
     def _show(self) -> None:
