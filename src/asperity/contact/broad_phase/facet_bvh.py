@@ -262,6 +262,7 @@ def _on_texture(
     kinds = np.full(len(geometry.texture), PLANAR)
     kinds[geometry.mapping == MAPPINGS.index("triplanar")] = TRIPLANAR
     mapped = (geometry.texture[surface] >= 0) | (geometry.friction_map["map"][surface] >= 0)
+    mapped |= geometry.stiffness_map[surface] >= 0
     blended = mapped & (kinds[surface] == TRIPLANAR)
     by_axes = blended | (mapped & ~is_mesh)
     place[by_axes, 0] = facets.origin[by_axes]
