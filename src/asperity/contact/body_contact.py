@@ -71,6 +71,8 @@ class BodyArrays(NamedTuple):
     """Centre of mass of each body in its own frame [m], (bodies, 3)."""
     is_mesh: NDArray[np.bool_]
     """(bodies,)"""
+    with_stiffness_map: dict[int, str]
+    """Names of the bodies with a map of stiffness, by their numbers."""
 
 
 def body_arrays(bodies: Sequence[Body], collider: Collider, group: NDArray[np.int64]) -> BodyArrays:
@@ -79,9 +81,11 @@ def body_arrays(bodies: Sequence[Body], collider: Collider, group: NDArray[np.in
     geometry = geometry._replace(covered=covered_faces(geometry, collider.frames, group))
     is_mesh = np.array([body.mesh is not None for body in bodies])
     facets = facet_table(bodies, textures, geometry) if is_mesh.any() else None
+    with_map = {i: body.name for i, body in enumerate(bodies) if body.stiffness_maps}
     return BodyArrays(
-        textures, geometry, facets, collider.frames, collider.geom_number, collider.centres, is_mesh
-    )
+        textures, geometry, facets, collider.frames, collider.geom_number, collider.centres,
+        is_mesh, with_map,
+    )  # fmt: skip
 
 
 class BodyContact:
@@ -111,8 +115,8 @@ class BodyContact:
     Raises
     ------
     AsperityError
-        A mesh is involved and `settings` has another law than "otaduy-lin" or another gradient
-        than "exact".
+        A mesh, or a map of stiffness, is involved and `settings` has another law than
+        "otaduy-lin" or another gradient than "exact"; or both of two bodies have such a map.
     """
 
     def __init__(
@@ -128,7 +132,9 @@ class BodyContact:
         self.by_facets = np.zeros(len(arrays.is_mesh), np.int64)
         self.by_facets[list(others)] = arrays.is_mesh[list(others)] | arrays.is_mesh[tool]
         if self.by_facets.any():
-            _refuse_for_meshes(settings)
+            _refuse_laws(settings, "where a mesh is involved")
+        mapped = {i: arrays.with_stiffness_map.get(i) for i in (tool, *others)}
+        _refuse_for_maps(settings, mapped[tool], [mapped[i] for i in others])
         self._scene = _scene_model(arrays, tool, others)
         self._by_geoms = bool((self.by_facets[list(others)] == 0).any())
         self._model = _without_meshes(self._scene, self.by_facets)
@@ -347,14 +353,26 @@ def _mesh_side(
     )
 
 
-def _refuse_for_meshes(settings: ForceSettings) -> None:
-    """Refuse laws and gradients that contact with meshes does not have."""
+def _refuse_for_maps(settings: ForceSettings, tool: str | None, others: list[str | None]) -> None:
+    """Refuse maps of stiffness where they are not known; names are those of bodies with one."""
+    names = [name for name in (tool, *others) if name is not None]
+    if names:
+        _refuse_laws(settings, f"where stiffness is a map, as that of body {names[0]!r}")
+    if tool is not None and len(names) > 1:
+        raise AsperityError(
+            f"stiffness of {names[0]!r} and of {names[1]!r}, which may touch, are maps; valid: a "
+            "map for one of them, a number for the other"
+        )
+
+
+def _refuse_laws(settings: ForceSettings, where: str) -> None:
+    """Refuse laws and gradients that some contact does not have."""
     for name, value, only in (
         ("law", settings.law, "otaduy-lin"),
         ("gradient", settings.gradient, "exact"),
     ):
         if value != only:
-            raise AsperityError(f"where a mesh is involved, {name} must be {only!r}, got {value!r}")
+            raise AsperityError(f"{where}, {name} must be {only!r}, got {value!r}")
 
 
 def _force_law(settings: ForceSettings) -> ForceLaw:

@@ -64,7 +64,7 @@ from asperity.scene.document import (
     write_toml,
 )
 from asperity.scene.friction import settings_with, with_frictions
-from asperity.scene.friction_map import on_terrain, without_textures
+from asperity.scene.property_maps import on_terrain, without_textures
 from asperity.scene.mesh import copy_with_companions, geoms_mesh
 from asperity.scene.mjcf import geom_names, read_mjcf, tool_start, touchable_geoms
 from asperity.scene.regions import material_surface
@@ -295,8 +295,7 @@ def scene_of(
         bodies.append(with_frictions(made, values, prepared.notes) if values else made)
         if body in prepared.textures and "texture" not in table:
             field, middle = prepared.textures[body]
-            key = f"bodies.{body}.friction"
-            bodies[-1] = on_terrain(bodies[-1], field, middle, table.get("friction"), key)
+            bodies[-1] = on_terrain(bodies[-1], field, middle, table, f"bodies.{body}")
     coupling = _coupling(document.get("coupling", {}))
     return Scene(
         name=name,
@@ -359,8 +358,8 @@ def _notes(body: Body) -> tuple[str, ...]:
         )
     for field in body.fields:
         notes += field.notes
-    for friction in body.friction_maps:
-        notes += tuple(friction.notes)
+    for found in (*body.friction_maps, *body.stiffness_maps):
+        notes += tuple(found.notes)
     return notes
 
 

@@ -96,7 +96,11 @@ class FacetTable(NamedTuple):
     friction: Array
     """Coulomb's coefficient [-], nan for a map or that of the force law; (n,)."""
     stiffness: Array
-    """Of contact [N/m], nan for that of the force law; (n,)."""
+    """Of contact [N/m], nan for a map or that of the force law; (n,)."""
+    has_map: NDArray[np.bool_]
+    """Whether a map gives the stiffness of any surface of a body, (bodies,)."""
+    compliance: Array
+    """Largest compliance of a surface of a body [m/N], 0 if none has any, (bodies,)."""
     varies: NDArray[np.bool_]
     """Whether friction or stiffness differ between the facets of a body, (bodies,)."""
     first_surface: NDArray[np.int64]
@@ -162,6 +166,8 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         shares=_shares(facets.axes[:, 2]), geom=np.concatenate(geoms),
         friction=np.concatenate([touch[:, 0] for touch in touches]),
         stiffness=np.concatenate([touch[:, 1] for touch in touches]),
+        has_map=np.array([bool(body.stiffness_maps) for body in bodies]),
+        compliance=np.array([_compliance(*each) for each in zip(bodies, touches, strict=True)]),
         varies=np.array([_varies(touch) for touch in touches]),
         slack=np.array(slacks), first_surface=geometry.surface[first_geoms], raised=raised,
         lowered=lowered, middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
@@ -239,6 +245,12 @@ def _touch(
 def _varies(touch: Array) -> bool:
     """Return whether rows of friction and stiffness differ."""
     return len(np.unique(np.nan_to_num(touch, nan=-1.0), axis=0)) > 1
+
+
+def _compliance(body: Body, touch: Array) -> float:
+    """Return the largest compliance of a body's surfaces [m/N], 0 if none has any."""
+    least = [found.lowest for found in body.stiffness_maps]
+    return float(np.max(1.0 / np.array([*least, *touch[~np.isnan(touch[:, 1]), 1]]), initial=0.0))
 
 
 def _covered(facets: Facets, geoms: Sequence[Geom], own: Geom) -> NDArray[np.bool_]:

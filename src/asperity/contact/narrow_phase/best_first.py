@@ -17,6 +17,7 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
+from asperity.contact.narrow_phase.bounds.compliance import lowering_over
 from asperity.contact.narrow_phase.bounds.limits import beyond_straight_borders
 from asperity.contact.narrow_phase.bounds.plane_pairs import quarter_bounds
 from asperity.contact.narrow_phase.bounds.planes import box_under, planes_of
@@ -193,6 +194,10 @@ def _divide(textures, planes, pair, node, row, grains, search, queue):
             x, y = 0.5 * (p0 + p1), 0.5 * (q0 + q1)
             box = (x, y, p1 - x, q1 - y)
             bounds[child] = rough_bound(textures, pair.patch, pair.other, planes, box)
+        if search.load > 0.0:
+            bounds[child] -= lowering_over(
+                textures, pair.patch, pair.other, (p0, p1, q0, q1), search
+            )[0]
         high = min(bounds[child], above)
         if high == -np.inf:
             continue

@@ -58,6 +58,9 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
     patch.friction = table.friction[f]
     if patch.friction == patch.friction:
         patch.friction_map = -1  # that of a material comes first
+    stiffness = table.stiffness[f]
+    if stiffness == stiffness:
+        patch.stiffness_map, patch.compliance = -1, 1.0 / stiffness
     if texture < 0 and patch.friction_map < 0 and patch.stiffness_map < 0:
         return
     patch.texture_top = table.top[f]

@@ -38,6 +38,12 @@ def scale_of_tie(textures, stride, tie, memory):
 
 
 @inner_kernel
+def scale_of(result):
+    """Return the factor by which the stiffness of a map scales a depth; 1 without one."""
+    return result.scale if result.scale > 0.0 else 1.0
+
+
+@inner_kernel
 def has_map(memory, made_a, made_b):
     """Return whether any of the patches of two bodies has a map of stiffness that counts."""
     found = False
