@@ -37,6 +37,7 @@ from asperity.contact.records import (
     geom_memory,
 )
 from asperity.contact.response.point_laws import OTADUY_LIN
+from asperity.contact.refused import refuse_for_maps, refuse_laws
 from asperity.contact.response.settings import LAWS, ForceSettings
 from asperity.contact.response.stiffness import (
     AT_REST,
@@ -132,9 +133,9 @@ class BodyContact:
         self.by_facets = np.zeros(len(arrays.is_mesh), np.int64)
         self.by_facets[list(others)] = arrays.is_mesh[list(others)] | arrays.is_mesh[tool]
         if self.by_facets.any():
-            _refuse_laws(settings, "where a mesh is involved")
+            refuse_laws(settings, "where a mesh is involved")
         mapped = {i: arrays.with_stiffness_map.get(i) for i in (tool, *others)}
-        _refuse_for_maps(settings, mapped[tool], [mapped[i] for i in others])
+        refuse_for_maps(settings, mapped[tool], [mapped[i] for i in others])
         self._scene = _scene_model(arrays, tool, others)
         self._by_geoms = bool((self.by_facets[list(others)] == 0).any())
         self._model = _without_meshes(self._scene, self.by_facets)
@@ -351,28 +352,6 @@ def _mesh_side(
         memory=mesh_memory(len(by_facets)),
         space=room.facets,
     )
-
-
-def _refuse_for_maps(settings: ForceSettings, tool: str | None, others: list[str | None]) -> None:
-    """Refuse maps of stiffness where they are not known; names are those of bodies with one."""
-    names = [name for name in (tool, *others) if name is not None]
-    if names:
-        _refuse_laws(settings, f"where stiffness is a map, as that of body {names[0]!r}")
-    if tool is not None and len(names) > 1:
-        raise AsperityError(
-            f"stiffness of {names[0]!r} and of {names[1]!r}, which may touch, are maps; valid: a "
-            "map for one of them, a number for the other"
-        )
-
-
-def _refuse_laws(settings: ForceSettings, where: str) -> None:
-    """Refuse laws and gradients that some contact does not have."""
-    for name, value, only in (
-        ("law", settings.law, "otaduy-lin"),
-        ("gradient", settings.gradient, "exact"),
-    ):
-        if value != only:
-            raise AsperityError(f"{where}, {name} must be {only!r}, got {value!r}")
 
 
 def _force_law(settings: ForceSettings) -> ForceLaw:

@@ -166,7 +166,7 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         shares=_shares(facets.axes[:, 2]), geom=np.concatenate(geoms),
         friction=np.concatenate([touch[:, 0] for touch in touches]),
         stiffness=np.concatenate([touch[:, 1] for touch in touches]),
-        has_map=np.array([bool(body.stiffness_maps) for body in bodies]),
+        has_map=np.bincount(geometry.body, geometry.stiffness_map[geometry.surface] >= 0) > 0.0,
         compliance=np.array([_compliance(*each) for each in zip(bodies, touches, strict=True)]),
         varies=np.array([_varies(touch) for touch in touches]),
         slack=np.array(slacks), first_surface=geometry.surface[first_geoms], raised=raised,

@@ -332,7 +332,8 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
     elif kind == 2 or kind == 4:
         # A cylindrical map covers the side alone, which then ends in an edge on a capsule too.
         on_ends = -1 if mapping == CYLINDRICAL else texture
-        is_edge = kind == 4 or (mapping == CYLINDRICAL and texture >= 0)
+        has_map = texture >= 0 or geometry.stiffness_map[surface] >= 0
+        is_edge = kind == 4 or (mapping == CYLINDRICAL and has_map)
         if _fill_cylinder_side(patches_out[at], place, size[0], size[1], is_edge, axes):
             patch, around = patches_out[at], geometry.around[g]
             patch.map_start[0] = patch.map_start[0] * around - origin[0]
