@@ -65,10 +65,12 @@ def _has_map_of(geometry, g, h):
 
 
 @inner_kernel
-def _least_stiffness(textures, geometry, surface):
-    """Return the stiffness of a surface [N/m], of a map the least one; nan if it has none."""
+def _stiffness_range(textures, geometry, surface):
+    """Return the least and the largest stiffness of a surface [N/m]; nan if it has none."""
     k = geometry.stiffness_map[surface]
-    return textures.maps[k].lowest if k >= 0 else geometry.stiffness[surface]
+    if k >= 0:
+        return textures.maps[k].lowest, -1.0 / textures.maps[k].highest
+    return geometry.stiffness[surface], geometry.stiffness[surface]
 
 
 @inner_kernel
@@ -117,12 +119,13 @@ def find_parts(textures, geometry, frames, centre, parameters, memory):
         if rows.size < 2:
             memory.state[0].dropped += 1
             continue
-        count = fill_separations(geometry, pair, frame, rough, rows)
         one, two = geometry.surface[pair.geom_a], geometry.surface[pair.geom_b]
-        stiffness = pair_stiffness(
-            _least_stiffness(textures, geometry, one), _least_stiffness(textures, geometry, two),
-            parameters.stiffness,
-        )  # fmt: skip
+        low_a, high_a = _stiffness_range(textures, geometry, one)
+        low_b, high_b = _stiffness_range(textures, geometry, two)
+        stiffness = pair_stiffness(low_a, low_b, parameters.stiffness)
+        # A way out where a map is stiff may be as long as a farther one where it is soft.
+        wide = math.sqrt(pair_stiffness(high_a, high_b, parameters.stiffness) / stiffness)
+        count = fill_separations(geometry, pair, frame, rough, wide, rows)
         friction = pair_friction(
             geometry.friction[one], geometry.friction[two], parameters.friction
         )
