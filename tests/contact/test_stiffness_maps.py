@@ -25,6 +25,7 @@ TEXTURE = waves(2e-5, 1.5e-3)
 FINE = StiffnessMap(RNG.uniform(300.0, 1500.0, (10, 10)), 1.5e-4, "wrap")  # as large as TEXTURE
 BOX = Body("tool", [Geom("box", (1.5e-3, 1e-3, 2e-3))])
 CAPSULE = Body("tool", [Geom("capsule", (1e-3, 2e-3))])
+BRICK = brick((1.5e-3, 1e-3, 2e-3))
 TUBE = Body(
     "tube", [Geom("cylinder", (5e-3, 12e-3), (0, 0, -5e-3), tuple(turn([0, 1, 0], math.pi / 2)))]
 )
@@ -105,10 +106,8 @@ MESHES = {
     "sphere on slab": lambda k: (ball(), slab(stiffness=k(WIDE))),
     "sphere on uv": lambda k: (ball(), by_uv(k(WIDE))),
     "ball of facets on uv": lambda k: (thing("tool", ball_mesh(RADIUS, 2)), by_uv(k(WIDE))),
-    "brick on slab's edges": lambda k: (brick((1.5e-3, 1e-3, 2e-3)), slab(half=4e-3, stiffness=k(WIDE))),
-    "brick on texture": lambda k: (
-        brick((1.5e-3, 1e-3, 2e-3)), slab(texture=TEXTURE, stiffness=k(FINE))
-    ),
+    "brick on slab's edges": lambda k: (BRICK, slab(half=4e-3, stiffness=k(WIDE))),
+    "brick on texture": lambda k: (BRICK, slab(texture=TEXTURE, stiffness=k(FINE))),
     "sphere on triplanar ball": lambda k: (
         ball(), thing("plate", ball_mesh(6e-3, 2), mapping="triplanar", stiffness=k(AROUND))
     ),
@@ -191,12 +190,12 @@ def test_no_work_is_done_round_closed_paths(name):
             size = 1.5e-3 if axis < 2 else 2e-4
             way[:, axis] += size * (np.cos(t + rng.uniform(0, 6)) + np.sin(2 * t + axis)) / 2
         spin = Rotation.from_rotvec(0.1 * np.stack([np.sin(t), np.cos(2 * t), np.sin(t)], axis=1))
-        way[:, 3:] = np.roll(
-            (spin * Rotation.from_quat(np.roll(at[3:], -1))).as_quat(), 1, axis=1
-        )
+        way[:, 3:] = np.roll((spin * Rotation.from_quat(np.roll(at[3:], -1))).as_quat(), 1, axis=1)
         wrench = np.array([engine.wrench(p, 0.0).copy() for p in way])
         turned = Rotation.from_quat(np.roll(way[:, 3:], -1, axis=1))
-        steps = np.hstack([np.diff(way[:, :3], axis=0), (turned[1:] * turned[:-1].inv()).as_rotvec()])
+        steps = np.hstack(
+            [np.diff(way[:, :3], axis=0), (turned[1:] * turned[:-1].inv()).as_rotvec()]
+        )
         parts = (0.5 * (wrench[1:] + wrench[:-1]) * steps).sum(axis=1)
         assert np.abs(parts).sum() > 1e-6
         assert abs(parts.sum()) < 1e-3 * np.abs(parts).sum()
@@ -258,8 +257,9 @@ def test_two_surfaces_are_springs_in_series():
 
 
 def test_a_mesh_feels_as_the_same_geom():
-    meshed, solid = engine_of(ball(), slab(stiffness=WIDE), **TIGHT), engine_for(
-        ball(), laid(plate(), WIDE), **TIGHT
+    meshed, solid = (
+        engine_of(ball(), slab(stiffness=WIDE), **TIGHT),
+        engine_for(ball(), laid(plate(), WIDE), **TIGHT),
     )
     for at in pressed(solid, 8, 6e-3, 0.5):
         wanted = solid.wrench(at, 0.0)
@@ -292,9 +292,7 @@ def test_stiffness_and_damping_are_those_of_the_place():
     np.testing.assert_allclose(engine.stiffness()[:3, :3], k * np.outer(m, m), rtol=1e-9)
     push = k * engine.contacts.depth[0]
     np.testing.assert_allclose(damped[:3], push * (1.0 + 3.0 * speed) * m, rtol=1e-9)
-    np.testing.assert_allclose(
-        engine.damping()[:3, :3], 3.0 * push * np.outer(m, m), rtol=1e-9
-    )
+    np.testing.assert_allclose(engine.damping()[:3, :3], 3.0 * push * np.outer(m, m), rtol=1e-9)
 
 
 def test_many_poses_and_moving_bodies():
@@ -369,12 +367,12 @@ def test_stiffnesses_that_cannot_be(samples, word):
 
 def test_a_map_is_as_large_as_the_texture():
     for found in (WIDE, StiffnessMap(FINE.samples, FINE.pixel_size)):
-        with pytest.raises(AsperityError, match="valid: 1.5 x 1.5 mm, border 'wrap'"):
+        with pytest.raises(AsperityError, match=r"valid: 1.5 x 1.5 mm, border 'wrap'"):
             laid(plate(), found, "planar", TEXTURE)
 
 
 def test_only_one_of_two_bodies_has_a_map():
-    with pytest.raises(AsperityError, match="'tool' and of 'plate'.*for one of them"):
+    with pytest.raises(AsperityError, match=r"'tool' and of 'plate'.*for one of them"):
         engine_for(laid(ball(), AROUND), laid(plate(), WIDE))
 
 

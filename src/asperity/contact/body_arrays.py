@@ -74,7 +74,8 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
     fields = list({id(field): field for field in rough}.values())
     places = {id(field): number for number, field in enumerate(fields)}
     texture = [places.get(id(surface.texture), -1) for surface in surfaces]
-    softs = list({id(s.stiffness): s.stiffness_map for s in surfaces if _varies(s)}.values())
+    varying = [found for s in surfaces if (found := s.stiffness_map) is not None and _varies(s)]
+    softs = list({id(found): found for found in varying}.values())
     soft_places = {id(found): len(fields) + number for number, found in enumerate(softs)}
     frictions = list({id(found): found for body in bodies for found in body.friction_maps}.values())
     first = len(fields) + len(softs)
@@ -130,9 +131,7 @@ def _varies(surface: Surface) -> bool:
     """Return whether the stiffness of a surface differs from place to place."""
     found = surface.stiffness_map
     # A cylindrical map covers the sides alone.
-    return found is not None and (
-        surface.mapping == "cylindrical" or found.lowest < found.highest
-    )
+    return found is not None and (surface.mapping == "cylindrical" or found.lowest < found.highest)
 
 
 def _one_stiffness(surface: Surface) -> float | None:

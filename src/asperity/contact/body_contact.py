@@ -36,8 +36,8 @@ from asperity.contact.records import (
     forget_geoms,
     geom_memory,
 )
-from asperity.contact.response.point_laws import OTADUY_LIN
 from asperity.contact.refused import refuse_for_maps, refuse_laws
+from asperity.contact.response.point_laws import OTADUY_LIN
 from asperity.contact.response.settings import LAWS, ForceSettings
 from asperity.contact.response.stiffness import (
     AT_REST,
@@ -46,7 +46,6 @@ from asperity.contact.response.stiffness import (
     contact_stiffness,
 )
 from asperity.contact.search_room import SearchRoom, most_geoms, search_room
-from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import rotation_of
 from asperity.texture.packed import PackedTextures

@@ -65,8 +65,8 @@ class Surface:
         object.__setattr__(self, "offset", require_finite("offset", self.offset, 2))
         if self.friction is not None and not isinstance(self.friction, FrictionMap):
             require_between("friction", self.friction, 0.0, MOST_FRICTION)
-        if self.stiffness_map is not None:
-            _refuse_apart(self.stiffness_map, self.texture)
+        if isinstance(self.stiffness, StiffnessMap):
+            _refuse_apart(self.stiffness, self.texture)
         elif self.stiffness is not None:
             require_between("stiffness", self.stiffness, *STIFFNESSES, "N/m")
 
@@ -278,12 +278,13 @@ def _refuse_apart(found: StiffnessMap, texture: HeightField | None) -> None:
         return
     alike = math.dist(found.size, texture.size) <= 1e-9 * max(texture.size)
     if not alike or found.border != texture.border:
-        sizes = (" x ".join(f"{1e3 * x:.6g}" for x in m.size) for m in (found, texture))
+        got, valid = (
+            f"{1e3 * one.size[0]:.6g} x {1e3 * one.size[1]:.6g} mm, border {one.border!r}"
+            for one in (found, texture)
+        )
         raise AsperityError(
             "a map of stiffness lies as the texture of its surface does, and is as large: got "
-            "{} mm, border {!r}; valid: {} mm, border {!r}".format(
-                next(sizes), found.border, next(sizes), texture.border
-            )
+            f"{got}; valid: {valid}"
         )
 
 

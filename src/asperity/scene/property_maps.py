@@ -37,9 +37,7 @@ def with_maps(surface: Surface, table: Table, key: str, folder: Path | None) -> 
     return surface
 
 
-def _with_map(
-    surface: Surface, name: str, table: Table, key: str, folder: Path | None
-) -> Surface:
+def _with_map(surface: Surface, name: str, table: Table, key: str, folder: Path | None) -> Surface:
     if "file" not in table:
         raise AsperityError(f"{key} must be a number, or a table with the file of a map")
     options = parse_options(table, key, MAPS[name].from_file, "file", PLACING)
@@ -61,9 +59,7 @@ def on_terrain(body: Body, texture: HeightField, middle: Array, table: Table, ke
     `table` is the body's in the document, with its dotted `key`: its maps lie as the terrain.
     """
     middle_of_map = tuple(middle.tolist())
-    laid = at(
-        key, lambda: replace(body, texture=texture, mapping="planar", offset=middle_of_map)
-    )
+    laid = at(key, lambda: replace(body, texture=texture, mapping="planar", offset=middle_of_map))
     for name in _maps_of(body.surface):
         own = f"{key}.{name}"
         placing = placing_of(table[name], own)

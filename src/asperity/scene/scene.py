@@ -64,9 +64,9 @@ from asperity.scene.document import (
     write_toml,
 )
 from asperity.scene.friction import settings_with, with_frictions
-from asperity.scene.property_maps import on_terrain, without_textures
 from asperity.scene.mesh import copy_with_companions, geoms_mesh
 from asperity.scene.mjcf import geom_names, read_mjcf, tool_start, touchable_geoms
+from asperity.scene.property_maps import on_terrain, without_textures
 from asperity.scene.regions import material_surface
 from asperity.scene.skin import scene_skin
 from asperity.scene.texture import body_surface

@@ -31,8 +31,8 @@ from asperity.texture.cell_peaks import sharpen_peaks
 from asperity.texture.friction_map import FrictionMap
 from asperity.texture.height_field import HeightField
 from asperity.texture.highest import WINDOW_LEVEL, cells_between, texture_top, windows
-from asperity.texture.stiffness_map import StiffnessMap
 from asperity.texture.spline import curvature_weights, slope_weights, weights
+from asperity.texture.stiffness_map import StiffnessMap
 
 _MOST_BLOCKS = 2 * 512**2
 """Largest number of blocks into which the cells of a coarse texture are subdivided."""

@@ -133,8 +133,10 @@ class PropertyMap(SampledMap):
             raise SurfaceError(f"it holds points; valid: a matrix of {cls.values}")
         if not (is_image and levels):
             if is_image and stored.step:
-                raise SurfaceError("its colours or missing pixels leave no plain greys; valid: grey "
-                                   "pixels of 8 or 16 bits, all of them there")  # fmt: skip
+                raise SurfaceError(
+                    "its colours or missing pixels leave no plain greys; valid: grey pixels of 8 "
+                    "or 16 bits, all of them there"
+                )
             if low is not None or high is not None:
                 raise SurfaceError(
                     f"low and high are for images of 8 or 16 bits; it holds {cls.values}"

@@ -16,8 +16,8 @@ from asperity.geometry.mesh.files import read_contents
 from asperity.realtime.devices.catalogue import entry_of, is_installed
 from asperity.scene.builtin import load_scene
 from asperity.scene.document import PLACING
-from asperity.scene.property_maps import laid_alone
 from asperity.scene.from_files import make_scene
+from asperity.scene.property_maps import laid_alone
 from asperity.scene.scene import Scene
 from asperity.scene.texture import body_texture
 from asperity.texture.height_field import HeightField

@@ -7,7 +7,7 @@ import math
 from asperity._core.kernels import inner_kernel
 from asperity._core.records import clear_record
 from asperity.contact.narrow_phase.displaced_surface import place_at
-from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, fill_properties, fill_lateral
+from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, fill_lateral, fill_properties
 
 
 @inner_kernel

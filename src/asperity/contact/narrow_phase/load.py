@@ -75,7 +75,7 @@ def raise_load(textures, stride, memory):
 
 @inner_kernel
 def settle_load(textures, stride, memory):
-    """Move the load by what is left at the deepest place found."""
+    """Raise the load by the overlap that remains at the deepest place found."""
     search = memory.search[0]
     patch, other = _patches_of(stride, search.best.pair, memory)
     best = search.best

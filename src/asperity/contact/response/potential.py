@@ -21,10 +21,11 @@ an almost parallel one that is simpler, by the angle between them (8 to 16 degre
 
 Where two surfaces have a stiffness of their own, k_p, their depths and separations count
 `sqrt(k_p / k)` times; of a map of stiffness, that of the deepest place counts for the depth and
-that of the softest for the separation. The energy is `U = k s^2 / 2` and the wrench `-k s grad(s)`. Where there is
-one direction, as nearly always, this is the law of Otaduy & Lin (2004, Eqs 1 and 2). Otherwise
-grad(s) follows from the implicit function theorem, with central differences of the sums above by
-their inputs: depths, normals and separations, whose derivatives by the tool's pose are exact.
+that of the softest for the separation, so that it changes with the pose alone. The energy is
+`U = k s^2 / 2` and the wrench `-k s grad(s)`. Where there is one direction, as nearly always, this
+is the law of Otaduy & Lin (2004, Eqs 1 and 2). Otherwise grad(s) follows from the implicit function
+theorem, with central differences of the sums above by their inputs: depths, normals and
+separations, whose derivatives by the tool's pose are exact.
 """
 
 from __future__ import annotations

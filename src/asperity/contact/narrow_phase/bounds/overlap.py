@@ -254,7 +254,9 @@ def _textured_bound(textures, pair, box, base, threshold, search):
     ):
         left = bound if radius > FINEST_OVERHANG else at.f
         return box_bound(left, EVALUATED, bound, 0.0)
-    return curvature_bound(textures, patch, other, over, over_other, (half_x, half_y, bend), bound, at)
+    return curvature_bound(
+        textures, patch, other, over, over_other, (half_x, half_y, bend), bound, at
+    )
 
 
 @inner_kernel
