@@ -248,6 +248,23 @@ def test_a_map_that_hardly_varies_is_nearly_that_number():
             )
 
 
+@pytest.mark.parametrize("mesh", [False, True])
+def test_a_flat_tool_on_a_level_part_of_a_map_feels_no_torque(mesh):
+    samples = np.full((32, 32), 500.0)
+    samples[:, 16:] = 2000.0
+    found = StiffnessMap(samples, 1e-3)
+    half = (4e-3, 3e-3, 2e-3)
+    if mesh:
+        engine = engine_of(brick(half), slab(stiffness=found), **TIGHT)
+    else:
+        engine = engine_for(Body("tool", [Geom("box", half)]), laid(plate(), found), **TIGHT)
+    for x, k in ((-6e-3, 500.0), (6e-3, 2000.0)):
+        wrench = engine.wrench(pose(x, 1e-3, 2e-3 - 1e-4), 0.0)
+        np.testing.assert_allclose(wrench, [0, 0, k * 1e-4, 0, 0, 0], rtol=1e-9, atol=1e-9)
+    # Over the border it leans towards the soft side.
+    assert engine.wrench(pose(0.0, 0.0, 2e-3 - 1e-4), 0.0)[4] < -1e-3 * k * 1e-4
+
+
 def test_two_surfaces_are_springs_in_series():
     series = StiffnessMap(1.0 / (1.0 / WIDE.samples + 1.0 / 900.0), WIDE.pixel_size)
     one = engine_for(laid(ball(), 900.0), laid(plate(), WIDE), **TIGHT)

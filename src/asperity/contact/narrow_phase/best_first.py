@@ -23,6 +23,7 @@ from asperity.contact.narrow_phase.bounds.plane_pairs import quarter_bounds
 from asperity.contact.narrow_phase.bounds.planes import box_under, planes_of
 from asperity.contact.narrow_phase.bounds.rough_on_smooth import rough_bound
 from asperity.contact.narrow_phase.branch_and_bound import (
+    FINEST_TIE,
     SMALLEST,
     evaluate_node,
     initialise_pair,
@@ -278,10 +279,15 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
         grain = _grain(textures, other) * other.lateral_min / patch.lateral_max
         grain = min(_grain(textures, patch), grain)
         x0, x1, y0, y1 = _box_of(nodes[number], candidate)
+        resolved = _RESOLVED * grain
+        if patch.stiffness_map >= 0 and grain == np.inf:
+            # Of a map that is level in parts, the middle of these counts.
+            sides = candidate.box
+            resolved = FINEST_TIE * max(sides[1] - sides[0], sides[3] - sides[2])
         while True:
             large, box = max(x1 - x0, y1 - y0), (x0, x1, y0, y1)
             is_done = large < SMALLEST or used + 4 > MAX_NODES
-            if above <= search.incumbent + tolerance and large <= _RESOLVED * grain:
+            if above <= search.incumbent + tolerance and large <= resolved:
                 is_done = True
                 search.nodes += 1.0
                 resolve_once(textures, pair, box, above, search)

@@ -117,13 +117,16 @@ def initialise_pair(textures, patch, other, guess, search, candidate):
         record_maximum(search, candidate.number, 0.0)
 
 
-@small_kernel
-def _is_flat(pair, search):
-    """Return whether both patches are smooth planes, and neither is lowered unevenly."""
+@inner_kernel
+def _is_flat(textures, pair, box, search):
+    """Return whether both patches are smooth planes over a box, and it is lowered evenly."""
     patch, other = pair.patch, pair.other
-    if search.load > 0.0 and patch.stiffness_map >= 0:
+    if patch.bulge > 0.0 or other.bulge > 0.0 or patch.texture >= 0 or other.texture >= 0:
         return False
-    return patch.bulge == other.bulge == 0.0 and patch.texture < 0 and other.texture < 0
+    if search.load == 0.0 or patch.stiffness_map < 0:
+        return True
+    x0, x1, y0, y1 = box
+    return lowering_over(textures, patch, other, box, search)[2] * (x1 - x0 + y1 - y0) <= TIE
 
 
 @inner_kernel
@@ -169,7 +172,7 @@ def evaluate_node(textures, pair, box, bound, search):
     if is_solved:
         search.upper_bound = max(search.upper_bound, high)
         return -np.inf
-    is_level = _is_flat(pair, search) and is_candidate and high <= at.f + TIE
+    is_level = is_candidate and high <= at.f + TIE and _is_flat(textures, pair, box, search)
     if is_level and _clear_of_limits(patch, other, box, search):
         # Flat on flat: all of the box is equally deep.
         search.upper_bound = max(search.upper_bound, high)
@@ -186,7 +189,7 @@ def resolve_leaf(textures, pair, box, bound, search):
     search.upper_bound = max(search.upper_bound, bound)
     weight = (x1 - x0) * (y1 - y0)
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    if _is_flat(pair, search):
+    if _is_flat(textures, pair, box, search):
         overlap_at(textures, patch, other, x, y, search, at)
         if abs(at.f_x) + abs(at.f_y) < _FLAT_SLOPE:
             # Flat on flat: the box counts if its centre does.

@@ -21,6 +21,10 @@ from asperity._core.kernels import inner_kernel
 from asperity.contact.narrow_phase.displaced_surface import height_on, root_at
 
 
+_LEVEL_SLOPE, _LEVEL_BEND = 1e-12, 1e-6
+"""Slope [-] and curvature [1/m] below which lowering is level."""
+
+
 @inner_kernel
 def compliance_at(textures, patch, other, x, y, usual):
     """Return the compliance c of two surfaces in series, and c_x, c_y, c_xx, c_xy, c_yy [m/N, m].
@@ -54,6 +58,9 @@ def lower(textures, patch, other, place, search, out):
     if patch.stiffness_map < 0:
         return
     first, second = 0.5 * search.load / root, 0.25 * search.load / (c * root)
+    is_level = first * max(abs(c_x), abs(c_y)) < _LEVEL_SLOPE
+    if is_level and first * max(abs(c_xx), abs(c_xy), abs(c_yy)) < _LEVEL_BEND:
+        return  # by rounding a plateau would have peaks
     out.f_x -= first * c_x
     out.f_y -= first * c_y
     out.f_xx -= first * c_xx - second * c_x * c_x

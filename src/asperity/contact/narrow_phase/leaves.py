@@ -47,7 +47,7 @@ def _is_isolated(patch, other, tie, limits):
 def resolve_once(textures, pair, box, bound, search):
     """Do `resolve_leaf`, unless the only point as deep as the incumbent in the box is known."""
     x0, x1, y0, y1 = box
-    is_rough = pair.patch.texture >= 0 or pair.other.texture >= 0 or pair.patch.stiffness_map >= 0
+    is_rough = pair.patch.texture >= 0 or pair.other.texture >= 0
     for t in range(search.tie_count if is_rough else 0):
         tie = search.ties[t]
         if tie.pair != pair.number or tie.f < pruning_threshold(search):

@@ -226,7 +226,7 @@ def _textured_bound(textures, pair, box, base, threshold, search):
     bound = _raised(textures, patch, other, over, over_other, base, centre)
     bend = 0.0
     if search.load > 0.0:
-        least, bend = lowering_over(textures, patch, other, box, search)
+        least, bend, _ = lowering_over(textures, patch, other, box, search)
         bound -= least
     if bound <= threshold:
         return box_bound(bound, UNEVALUATED, bound, 0.0)
