@@ -33,5 +33,6 @@ from .studies.sweeps.function_sweep import sweep as sweep
 from .texture.files.reading import read_heights as read_heights
 from .texture.friction_map import FrictionMap as FrictionMap
 from .texture.height_field import HeightField as HeightField
+from .texture.stiffness_map import StiffnessMap as StiffnessMap
 
 __version__: str

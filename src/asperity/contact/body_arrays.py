@@ -18,6 +18,7 @@ from asperity.texture.packed import PackedTextures, pack
 
 if TYPE_CHECKING:
     from asperity.texture.height_field import HeightField
+    from asperity.texture.sampled_map import SampledMap
 
 FRICTION_MAP = np.dtype([("map", "i8"), ("scale", "f8", 2), ("shift", "f8", 2)], align=True)
 """Number of a surface's map of friction among the textures, -1 for none; and the place on it,
@@ -45,14 +46,17 @@ class Geometry(NamedTuple):
     """Index of each surface's texture mapping in `geometry.bodies.MAPPINGS`, (surfaces,)."""
     origin: NDArray[np.float64]
     """Where (u, v) = (0, 0) of the texture lies in the body's frame [m], (surfaces, 3); without a
-    texture, of the map of friction."""
+    texture, of the map of stiffness or of friction."""
     friction: NDArray[np.float64]
     """Coulomb's coefficient of each surface [-], nan for a map or that of the force law;
     (surfaces,)."""
     friction_map: NDArray[np.void]
     """`FRICTION_MAP` records, (surfaces,)."""
     stiffness: NDArray[np.float64]
-    """Of contact with each surface [N/m], nan for that of the force law; (surfaces,)."""
+    """Of contact with each surface [N/m], nan for a map or that of the force law; (surfaces,)."""
+    stiffness_map: NDArray[np.int64]
+    """Number of each surface's map of stiffness among the textures, which has minus the compliance
+    [m/N] in the place of heights; -1 for none, (surfaces,)."""
     around: NDArray[np.float64]
     """Factor by which a cylindrical map is stretched to fit a whole number of times, (geoms,)."""
     friction_around: NDArray[np.float64]
@@ -70,7 +74,11 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
     fields = list({id(field): field for field in rough}.values())
     places = {id(field): number for number, field in enumerate(fields)}
     texture = [places.get(id(surface.texture), -1) for surface in surfaces]
+    varying = [found for s in surfaces if (found := s.stiffness_map) is not None and _varies(s)]
+    softs = list({id(found): found for found in varying}.values())
+    soft_places = {id(found): len(fields) + number for number, found in enumerate(softs)}
     frictions = list({id(found): found for body in bodies for found in body.friction_maps}.values())
+    first = len(fields) + len(softs)
     geoms = [(geom, number) for number, body in enumerate(bodies) for geom in body.geoms]
     laid = [(surfaces[n], geom) for n, (geom, _) in zip(numbers, geoms, strict=True)]
     around = np.array([_around(surface, surface.laid_map, geom) for surface, geom in laid])
@@ -85,14 +93,15 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
         np.array([MAPPINGS.index(surface.mapping) for surface in surfaces], dtype=np.int64),
         np.array([_origin(surface) for surface in surfaces], dtype=np.float64),
         _values([None if isinstance(s.friction, FrictionMap) else s.friction for s in surfaces]),
-        _friction_maps(surfaces, owners, {id(f): len(fields) + k for k, f in enumerate(frictions)}),
-        _values([surface.stiffness for surface in surfaces]),
+        _friction_maps(surfaces, owners, {id(f): first + k for k, f in enumerate(frictions)}),
+        _values([_one_stiffness(surface) for surface in surfaces]),
+        np.array([soft_places.get(id(s.stiffness), -1) for s in surfaces], dtype=np.int64),
         around,
         np.array([_around(s, s.friction_map, g) for s, g in laid]) / around,
         np.full(len(surfaces), -1, dtype=np.int64),
         np.zeros(len(geoms), dtype=np.int64),
     )
-    return pack(fields, frictions), geometry
+    return pack([*fields, *softs], frictions), geometry
 
 
 def _surfaces_of(bodies: Sequence[Body]) -> tuple[list[Surface], list[Body], list[int]]:
@@ -116,6 +125,21 @@ def _surfaces_of(bodies: Sequence[Body]) -> tuple[list[Surface], list[Body], lis
 def _is_rough(texture: HeightField) -> bool:
     """Return whether a texture has any height but 0."""
     return bool(texture.lowest or texture.highest)
+
+
+def _varies(surface: Surface) -> bool:
+    """Return whether the stiffness of a surface differs from place to place."""
+    found = surface.stiffness_map
+    # A cylindrical map covers the sides alone.
+    return found is not None and (surface.mapping == "cylindrical" or found.lowest < found.highest)
+
+
+def _one_stiffness(surface: Surface) -> float | None:
+    """Return the stiffness of a surface, if it is the same all over."""
+    found = surface.stiffness_map
+    if found is None:
+        return surface.stiffness  # type: ignore[return-value]
+    return None if _varies(surface) else found.lowest
 
 
 def _origin(surface: Surface) -> list[float]:
@@ -152,7 +176,7 @@ def _values(values: Sequence[float | None]) -> NDArray[np.float64]:
     return np.array([math.nan if value is None else value for value in values], dtype=np.float64)
 
 
-def _around(surface: Surface, laid: HeightField | FrictionMap | None, geom: Geom) -> float:
+def _around(surface: Surface, laid: SampledMap | None, geom: Geom) -> float:
     """Return the factor that stretches a cylindrical map so that it has no seam on a geom."""
     if surface.mapping != "cylindrical" or laid is None or laid.border != "wrap":
         return 1.0

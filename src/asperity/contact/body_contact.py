@@ -36,6 +36,7 @@ from asperity.contact.records import (
     forget_geoms,
     geom_memory,
 )
+from asperity.contact.refused import refuse_for_maps, refuse_laws
 from asperity.contact.response.point_laws import OTADUY_LIN
 from asperity.contact.response.settings import LAWS, ForceSettings
 from asperity.contact.response.stiffness import (
@@ -45,7 +46,6 @@ from asperity.contact.response.stiffness import (
     contact_stiffness,
 )
 from asperity.contact.search_room import SearchRoom, most_geoms, search_room
-from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import rotation_of
 from asperity.texture.packed import PackedTextures
@@ -71,6 +71,8 @@ class BodyArrays(NamedTuple):
     """Centre of mass of each body in its own frame [m], (bodies, 3)."""
     is_mesh: NDArray[np.bool_]
     """(bodies,)"""
+    with_stiffness_map: dict[int, str]
+    """Names of the bodies with a map of stiffness, by their numbers."""
 
 
 def body_arrays(bodies: Sequence[Body], collider: Collider, group: NDArray[np.int64]) -> BodyArrays:
@@ -79,9 +81,11 @@ def body_arrays(bodies: Sequence[Body], collider: Collider, group: NDArray[np.in
     geometry = geometry._replace(covered=covered_faces(geometry, collider.frames, group))
     is_mesh = np.array([body.mesh is not None for body in bodies])
     facets = facet_table(bodies, textures, geometry) if is_mesh.any() else None
+    with_map = {i: body.name for i, body in enumerate(bodies) if body.stiffness_maps}
     return BodyArrays(
-        textures, geometry, facets, collider.frames, collider.geom_number, collider.centres, is_mesh
-    )
+        textures, geometry, facets, collider.frames, collider.geom_number, collider.centres,
+        is_mesh, with_map,
+    )  # fmt: skip
 
 
 class BodyContact:
@@ -111,8 +115,8 @@ class BodyContact:
     Raises
     ------
     AsperityError
-        A mesh is involved and `settings` has another law than "otaduy-lin" or another gradient
-        than "exact".
+        A mesh, or a map of stiffness, is involved and `settings` has another law than
+        "otaduy-lin" or another gradient than "exact"; or both of two bodies have such a map.
     """
 
     def __init__(
@@ -128,7 +132,9 @@ class BodyContact:
         self.by_facets = np.zeros(len(arrays.is_mesh), np.int64)
         self.by_facets[list(others)] = arrays.is_mesh[list(others)] | arrays.is_mesh[tool]
         if self.by_facets.any():
-            _refuse_for_meshes(settings)
+            refuse_laws(settings, "where a mesh is involved")
+        mapped = {i: arrays.with_stiffness_map.get(i) for i in (tool, *others)}
+        refuse_for_maps(settings, mapped[tool], [mapped[i] for i in others])
         self._scene = _scene_model(arrays, tool, others)
         self._by_geoms = bool((self.by_facets[list(others)] == 0).any())
         self._model = _without_meshes(self._scene, self.by_facets)
@@ -345,16 +351,6 @@ def _mesh_side(
         memory=mesh_memory(len(by_facets)),
         space=room.facets,
     )
-
-
-def _refuse_for_meshes(settings: ForceSettings) -> None:
-    """Refuse laws and gradients that contact with meshes does not have."""
-    for name, value, only in (
-        ("law", settings.law, "otaduy-lin"),
-        ("gradient", settings.gradient, "exact"),
-    ):
-        if value != only:
-            raise AsperityError(f"where a mesh is involved, {name} must be {only!r}, got {value!r}")
 
 
 def _force_law(settings: ForceSettings) -> ForceLaw:

@@ -91,10 +91,13 @@ def _search(model, parameters, grid, i, stretch, centre, memory, workspace):
         n, guess,
     )  # fmt: skip
     limits = SearchLimits(tolerance, parameters.max_nodes)
+    workspace.search[0].usual = 1.0 / parameters.stiffness
     fill_depth_along(model.textures, shape, query, limits, workspace, result)
     if grid is not None:
         depth_on_grid(model, grid, query, workspace, result)
     found.depth = result.depth
+    if result.scale > 0.0:
+        found.scale = result.scale
     result.friction = contact_friction(result, parameters.friction, found.friction)
 
 
@@ -137,7 +140,7 @@ def _search_part(model, parameters, grid, first, past, centre, memory, workspace
         if not depth > 0.0 and (turn == 0 or depth > -np.inf):
             return False
         if depth > 0.0:
-            least = min(least, depth)
+            least = min(least, depth * (rows[at].scale / rows[at].gap_scale))
     return True
 
 
@@ -312,8 +315,8 @@ def _tick(model, parameters, grid, point_law, query, memory, workspace, out):
         shape = Geometry(
             geometry.kind, geometry.size, geometry.position, geometry.rotation, geometry.body,
             geometry.surface, geometry.no_texture, geometry.mapping, geometry.origin,
-            geometry.friction, geometry.friction_map, geometry.stiffness, geometry.around,
-            geometry.friction_around, geometry.no_texture, geometry.covered,
+            geometry.friction, geometry.friction_map, geometry.stiffness, geometry.stiffness_map,
+            geometry.around, geometry.friction_around, geometry.no_texture, geometry.covered,
         )  # fmt: skip
         smooth = SceneModel(
             model.textures, shape, model.tool, model.centre, model.frames, model.geom_number

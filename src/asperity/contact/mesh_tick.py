@@ -15,6 +15,7 @@ from asperity.contact.manifold.mesh_manifold import (
     remember,
     texture_reach,
 )
+from asperity.contact.manifold.properties import least_scale
 from asperity.contact.narrow_phase.friction import contact_friction
 from asperity.contact.response.contact_forces import (
     Bristle,
@@ -90,7 +91,8 @@ def _fill_manifold(model, parameters, query, motion, step, memory, space, worksp
             model, parameters, pair, overlap, memory, space, workspace, space.rest[b]
         )
         if query.dt > 0.0:
-            remember(memory, b, space.way_out[b])
+            soft = least_scale(model.facets, pair, parameters.stiffness)
+            remember(memory, b, space.way_out[b] / soft)
 
 
 @inner_kernel

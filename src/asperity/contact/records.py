@@ -144,6 +144,7 @@ SEPARATION = np.dtype(
         ("share_rate", "f8", 6),
         ("rough", "f8"),  # largest height of both textures [m]
         ("scale", "f8"),  # root of the stiffness of the two surfaces over that of the force law
+        ("gap_scale", "f8"),  # the same for g: of a map of stiffness, that of its softest place
         ("friction", "f8"),  # Coulomb's coefficient of the two surfaces, where no map gives it [-]
         ("depth", "f8"),  # penetration depth of the textured surfaces along n [m]
         ("weight", "f8"),  # derivative of the way out by this depth

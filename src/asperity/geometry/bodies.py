@@ -18,10 +18,12 @@ from asperity._core.arrays import Array, Mask
 from asperity.errors import AsperityError, require_between, require_choice, require_finite
 from asperity.geometry.poses import rotation_of
 from asperity.texture.friction_map import MOST_FRICTION, FrictionMap
+from asperity.texture.stiffness_map import STIFFNESSES, StiffnessMap
 
 if TYPE_CHECKING:
     from asperity.geometry.mesh.mesh import Mesh
     from asperity.texture.height_field import HeightField
+    from asperity.texture.sampled_map import SampledMap
 
 KINDS = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 MAPPINGS = ("planar", "cylindrical", "triplanar", "uv")
@@ -38,31 +40,35 @@ class Surface:
     texture : HeightField, optional
         None: smooth.
     mapping : {"planar", "cylindrical", "triplanar", "uv"}
-        Mapping of texture and friction to the body; see `Body`.
+        Mapping of texture, friction and stiffness to the body; see `Body`.
     offset : (2,)
         Position of the maps on the body [m]; see `Body`.
     friction : float or FrictionMap, optional
         Coulomb's coefficient [-], 0 to 100, or a map of it, read at the deepest point of a contact.
         Where two surfaces touch, the larger one counts, as in MuJoCo; where neither has one, that
         of `ForceSettings`. A cylindrical map covers the sides alone: the ends have none.
-    stiffness : float, optional
-        Stiffness of contact with this surface [N/m], 1e-6 to 1e9. Two surfaces that both have one
-        are springs in series; where neither has one, that of `ForceSettings` counts.
+    stiffness : float or StiffnessMap, optional
+        Stiffness of contact with this surface [N/m], 1e-6 to 1e9, or a map of it, as large as the
+        texture, if there is one; see `docs/contact.md`. Two surfaces that both have one are springs
+        in series; where neither has one, that of `ForceSettings` counts. Of two bodies that touch
+        only one may have a map of it. A cylindrical map covers the sides alone.
     """
 
     texture: HeightField | None = None
     mapping: str = "planar"
     offset: Sequence[float] = (0.0, 0.0)
     friction: float | FrictionMap | None = None
-    stiffness: float | None = None
+    stiffness: float | StiffnessMap | None = None
 
     def __post_init__(self) -> None:
         require_choice("mapping", self.mapping, MAPPINGS)
         object.__setattr__(self, "offset", require_finite("offset", self.offset, 2))
         if self.friction is not None and not isinstance(self.friction, FrictionMap):
             require_between("friction", self.friction, 0.0, MOST_FRICTION)
-        if self.stiffness is not None:
-            require_between("stiffness", self.stiffness, 1e-6, 1e9, "N/m")
+        if isinstance(self.stiffness, StiffnessMap):
+            _refuse_apart(self.stiffness, self.texture)
+        elif self.stiffness is not None:
+            require_between("stiffness", self.stiffness, *STIFFNESSES, "N/m")
 
     @property
     def friction_map(self) -> FrictionMap | None:
@@ -70,9 +76,14 @@ class Surface:
         return self.friction if isinstance(self.friction, FrictionMap) else None
 
     @property
-    def laid_map(self) -> HeightField | FrictionMap | None:
-        """The map by which places on the surface are measured: the texture, else the friction."""
-        return self.friction_map if self.texture is None else self.texture
+    def stiffness_map(self) -> StiffnessMap | None:
+        """The stiffness, if it is a map."""
+        return self.stiffness if isinstance(self.stiffness, StiffnessMap) else None
+
+    @property
+    def laid_map(self) -> SampledMap | None:
+        """The map by which places on the surface are measured: texture, stiffness or friction."""
+        return self.texture or self.stiffness_map or self.friction_map
 
 
 @dataclass(frozen=True)
@@ -136,7 +147,7 @@ class Body:
     texture : HeightField, optional
         None: smooth.
     mapping : {"planar", "cylindrical", "triplanar", "uv"}
-        Mapping of texture and friction to the body. *planar*: (u, v) are x and y in the body's
+        Mapping of the maps to the body. *planar*: (u, v) are x and y in the body's
         frame, on every face. *triplanar*: three planar maps, (y, z), (z, x) and (x, y), blended by
         the fourth powers of the normal's components. *cylindrical*: on the sides of cylinders and
         capsules, u around the axis and v along it; their ends are smooth. On a mesh: u around its z
@@ -146,7 +157,7 @@ class Body:
     mesh : Mesh, optional
         Surface of a body of convex pieces; all its geoms are then of kind "mesh".
     friction : float or FrictionMap, optional
-    stiffness : float, optional
+    stiffness : float or StiffnessMap, optional
         See `Surface`.
     """
 
@@ -157,7 +168,7 @@ class Body:
     offset: Sequence[float] = field(default=(0.0, 0.0))
     mesh: Mesh | None = None
     friction: float | FrictionMap | None = None
-    stiffness: float | None = None
+    stiffness: float | StiffnessMap | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "geoms", tuple(self.geoms))
@@ -196,6 +207,12 @@ class Body:
     def friction_maps(self) -> tuple[FrictionMap, ...]:
         """The maps of friction of all surfaces."""
         maps = (surface.friction_map for surface in self.surfaces)
+        return tuple({id(found): found for found in maps if found is not None}.values())
+
+    @property
+    def stiffness_maps(self) -> tuple[StiffnessMap, ...]:
+        """The maps of stiffness of all surfaces."""
+        maps = (surface.stiffness_map for surface in self.surfaces)
         return tuple({id(found): found for found in maps if found is not None}.values())
 
     @property
@@ -255,6 +272,22 @@ class Body:
             )
 
 
+def _refuse_apart(found: StiffnessMap, texture: HeightField | None) -> None:
+    """Raise `AsperityError` for a map of stiffness that is not as large as the texture."""
+    if texture is None:
+        return
+    alike = math.dist(found.size, texture.size) <= 1e-9 * max(texture.size)
+    if not alike or found.border != texture.border:
+        got, valid = (
+            f"{1e3 * one.size[0]:.6g} x {1e3 * one.size[1]:.6g} mm, border {one.border!r}"
+            for one in (found, texture)
+        )
+        raise AsperityError(
+            "a map of stiffness lies as the texture of its surface does, and is as large: got "
+            f"{got}; valid: {valid}"
+        )
+
+
 def unit_quaternion(quaternion: Sequence[float]) -> tuple[float, ...]:
     """Return `quaternion` (wxyz), whose length must be 1 to 1e-6, normalised."""
     values = require_finite("quaternion", quaternion, 4)
@@ -286,7 +319,7 @@ def origin_of_map(body: Body) -> Array:
     return map_origin(body.texture, body.offset)
 
 
-def map_origin(laid: HeightField | FrictionMap | None, offset: Sequence[float]) -> Array:
+def map_origin(laid: SampledMap | None, offset: Sequence[float]) -> Array:
     """Return the position of (u, v) = (0, 0) of a map with this offset (2,) [m]."""
     origin = np.array(offset, dtype=np.float64)
     if laid is not None and laid.border == "clamp":

@@ -86,6 +86,11 @@ def carried_bodies(model: mujoco.MjModel, textures: Mapping[str, Any]) -> Carrie
                 f"{geom_name(model, geom)}: friction is MuJoCo's here, a number; a map is for "
                 "contact without it"
             )
+        if surface.stiffness_map is not None:
+            raise AsperityError(
+                f"{geom_name(model, geom)}: stiffness is one number in MuJoCo's contacts; a map is "
+                "for contact without it"
+            )
         if surface.friction is not None:
             friction[geom] = surface.friction
     # Friction is MuJoCo's: asperity's contacts have none of their own.

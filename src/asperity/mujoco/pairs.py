@@ -91,7 +91,7 @@ class PairPlan:
         if is_mesh.any() or any(pair.by_facets for pair in pairs):
             facets = facet_table(bodies, textures, geometry)
         self._arrays = BodyArrays(
-            textures, geometry, facets, frames, number, np.zeros((len(bodies), 3)), is_mesh
+            textures, geometry, facets, frames, number, np.zeros((len(bodies), 3)), is_mesh, {}
         )
         self.pairs = tuple(pairs)
         self.by_facets = np.array([pair.by_facets for pair in pairs], bool)

@@ -192,7 +192,7 @@ def tables_with_files(document: Table) -> list[Any]:
     """Return the tables of a document that name a file: meshes, maps, trajectory."""
     bodies = document.get("bodies", {}).values()
     owners = [owner for body in bodies for owner in (body, *body.get("geoms", {}).values())]
-    tables = [owner.get(part) for owner in owners for part in (*PARTS, "friction")]
+    tables = [owner.get(part) for owner in owners for part in (*PARTS, *SURFACE[1:])]
     tables += [table for body in bodies for table in body.get("materials", {}).values()]
     tables.append(document.get("trajectory"))
     return [table for table in tables if isinstance(table, Mapping) and "file" in table]

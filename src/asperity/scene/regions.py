@@ -85,10 +85,10 @@ def material_surface(
     mesh = replace(mesh, materials=tuple(materials))
     if not fields:
         return mesh, own
-    if own.friction_map is not None:
+    if own.friction_map is not None or own.stiffness_map is not None:
         raise AsperityError(
-            f"{key}: valid without a map of friction of the whole body, whose texture coordinates "
-            "they change; leave one out"
+            f"{key}: valid without a map of friction or stiffness of the whole body, whose texture "
+            "coordinates they change; leave one out"
         )
     laid, texture = at(key, partial(laid_together, mesh, fields))
     return laid, replace(own, texture=texture, mapping="uv")

@@ -63,9 +63,9 @@ from asperity.scene.document import (
 )
 from asperity.scene.elastic import ANTI_ALIAS_NOTE, scene_elastic
 from asperity.scene.friction import settings_with, with_frictions
-from asperity.scene.friction_map import on_terrain, without_textures
 from asperity.scene.mesh import copy_with_companions, geoms_mesh
 from asperity.scene.mjcf import geom_names, read_mjcf, tool_start, touchable_geoms
+from asperity.scene.property_maps import on_terrain, without_textures
 from asperity.scene.regions import material_surface
 from asperity.scene.sections import coupling_of, force_of, motion_of
 from asperity.scene.skin import scene_skin
@@ -304,8 +304,7 @@ def scene_of(
         bodies.append(with_frictions(made, values, prepared.notes) if values else made)
         if body in prepared.textures and "texture" not in table:
             field, middle = prepared.textures[body]
-            key = f"bodies.{body}.friction"
-            bodies[-1] = on_terrain(bodies[-1], field, middle, table.get("friction"), key)
+            bodies[-1] = on_terrain(bodies[-1], field, middle, table, f"bodies.{body}")
     coupling = coupling_of(document.get("coupling", {}))
     elastic = scene_elastic(document, tool, bodies)
     own_notes = [f"{body.name}: {note}" for body in bodies for note in _notes(body)]
@@ -376,8 +375,8 @@ def _notes(body: Body) -> tuple[str, ...]:
         )
     for field in body.fields:
         notes += field.notes
-    for friction in body.friction_maps:
-        notes += tuple(friction.notes)
+    for found in (*body.friction_maps, *body.stiffness_maps):
+        notes += tuple(found.notes)
     return notes
 
 

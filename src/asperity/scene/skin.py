@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from asperity.contact.soft.skin import SoftSkin
-from asperity.contact.soft.solids import refuse_friction_maps
+from asperity.contact.soft.solids import refuse_property_maps
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.scene.document import Table, arguments, at
@@ -67,7 +67,7 @@ def scene_skin(document: Table, tool: str, bodies: Sequence[Body]) -> SoftSkin |
             raise AsperityError(
                 f"{key}: body {body.name!r} is a mesh; a skin and what it meets are of simple geoms"
             )
-    at(key, lambda: refuse_friction_maps(bodies))
+    at(key, lambda: refuse_property_maps(bodies))
     others = [body.name for body in bodies if body.name not in (bearer, tool)]
     if bearer == tool and not others:
         raise AsperityError(f"{key}: there is no other body that it could meet")

@@ -26,7 +26,7 @@ from asperity.scene.document import (
     parse_options,
     placing_of,
 )
-from asperity.scene.friction_map import with_friction_map
+from asperity.scene.property_maps import with_maps
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.patterns import PATTERNS
 
@@ -55,10 +55,9 @@ def body_surface(table: Table, key: str, folder: Path | None) -> Surface:
     """Return the surface that the table of a body or of a geom describes."""
     texture, placing = body_texture(table.get("texture", {}), f"{key}.texture", folder)
     placed = at(f"{key}.texture", lambda: Surface(texture, **placing))
-    if isinstance(table.get("friction"), Mapping):
-        placed = with_friction_map(placed, table["friction"], f"{key}.friction", folder)
-        table = {k: v for k, v in table.items() if k != "friction"}
-    return with_touch(placed, table, key)
+    placed = with_maps(placed, table, key, folder)
+    numbers = {k: v for k, v in table.items() if not isinstance(v, Mapping)}
+    return with_touch(placed, numbers, key)
 
 
 def with_touch(surface: T, table: Table, key: str) -> T:

@@ -1,4 +1,4 @@
-"""All textures and maps of friction of a scene in a few flat arrays for compiled kernels.
+"""All textures, and maps of properties, of a scene in a few flat arrays for compiled kernels.
 
 Kernels evaluate a texture's height and its derivatives up to the second at a point, and bounds over
 a rectangle: no point of the texture in it is higher, no slope larger in size, no second derivative
@@ -9,8 +9,8 @@ level whose blocks are as large as the rectangle; highest points from overlappin
 
 Positions are counted in cells: cell `i` lies between the samples `i - 1` and `i` and depends on the
 coefficients `i .. i + 3`. A wrapped texture of n samples has n cells that repeat; a clamped one has
-n + 1 and continues level beyond its borders. Maps of friction have samples in the place of
-coefficients, and no bounds.
+n + 1 and continues level beyond its borders. Maps of stiffness are textures whose heights are minus
+the compliance [m/N]. Maps of friction have samples in the place of coefficients, and no bounds.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from asperity.texture.friction_map import FrictionMap
 from asperity.texture.height_field import HeightField
 from asperity.texture.highest import WINDOW_LEVEL, cells_between, texture_top, windows
 from asperity.texture.spline import curvature_weights, slope_weights, weights
+from asperity.texture.stiffness_map import StiffnessMap
 
 _MOST_BLOCKS = 2 * 512**2
 """Largest number of blocks into which the cells of a coarse texture are subdivided."""
@@ -67,7 +68,8 @@ Each side of a cell is cut into `parts` with bounds of their own. `cells_per_met
 v. `max_abs_height` and `max_curvature` (over all directions) bound the spline's coefficients, and
 so the surface [m, 1/m]; `max_third_derivative` likewise [1/m^2]; `max_slope` [-].
 `max_abs_surface` bounds the surface by its Bezier points, more sharply [m]. `rms` and
-`lowest` are those of the samples, `highest` bounds the surface [m].
+`lowest` are those of the samples, `highest` bounds the surface [m]; of a map of stiffness `lowest`
+is that of its samples [N/m].
 """
 LEVEL = np.dtype([("first", np.int64), ("rows", np.int64), ("columns", np.int64)])
 """One level of a pyramid: index of its first block, rows and columns of blocks."""
@@ -92,7 +94,9 @@ class PackedTextures(NamedTuple):
     """`WINDOW_LEVEL` of every size of window of every texture, smallest first."""
 
 
-def pack(fields: Sequence[HeightField], frictions: Sequence[FrictionMap] = ()) -> PackedTextures:
+def pack(
+    fields: Sequence[HeightField | StiffnessMap], frictions: Sequence[FrictionMap] = ()
+) -> PackedTextures:
     """Return textures, and behind them maps of friction, as flat arrays, which may be empty."""
     levels: list[tuple[int, int, int]] = []
     maps = np.zeros(len(fields) + len(frictions), TEXTURE_MAP)

@@ -1,4 +1,4 @@
-"""Numbers on a grid over a plane: what maps of heights and of friction have in common."""
+"""Numbers on a grid over a plane: what maps of heights and of properties have in common."""
 
 from __future__ import annotations
 

@@ -16,8 +16,8 @@ from asperity.geometry.mesh.files import read_contents
 from asperity.realtime.devices.catalogue import entry_of, is_installed
 from asperity.scene.builtin import load_scene
 from asperity.scene.document import PLACING
-from asperity.scene.friction_map import laid_alone
 from asperity.scene.from_files import make_scene
+from asperity.scene.property_maps import laid_alone
 from asperity.scene.scene import Scene
 from asperity.scene.texture import body_texture
 from asperity.texture.height_field import HeightField
@@ -187,12 +187,12 @@ def with_texture(
     known = scene.document.get("bodies", {}).get(body, {})
     old = dict(known.get("texture", {}))
     made = next(b for b in scene.bodies if b.name == body)
-    friction = laid_alone(made.surface)
-    laid_by = old or friction.get("friction", {})
+    maps = laid_alone(made.surface)
+    laid_by = old or next(iter(maps.values()), {})
     placing = {key: laid_by[key] for key in PLACING if key in laid_by}
     placing.setdefault("mapping", "triplanar" if made.mesh is not None else "planar")
     if kind == SMOOTH:
-        change: dict[str, Any] = {"texture": None, "materials": None, **friction}
+        change: dict[str, Any] = {"texture": None, "materials": None, **maps}
         return replace(config, scene=scene.changed(bodies={body: change}))
     table: dict[str, Any] = {**old}
     if kind == AS_IT_IS:
@@ -208,7 +208,7 @@ def with_texture(
         table = {**kind, **placing}
     table = scaled_texture(table, relief=relief, pixel_size=pixel_size, folder=scene.folder)
     gone = dict.fromkeys(key for key in old if key not in table)
-    change = {"texture": {**gone, **table}, "materials": None, **friction}
+    change = {"texture": {**gone, **table}, "materials": None, **maps}
     return replace(config, scene=scene.changed(bodies={body: change}))
 
 

@@ -96,7 +96,11 @@ class FacetTable(NamedTuple):
     friction: Array
     """Coulomb's coefficient [-], nan for a map or that of the force law; (n,)."""
     stiffness: Array
-    """Of contact [N/m], nan for that of the force law; (n,)."""
+    """Of contact [N/m], nan for a map or that of the force law; (n,)."""
+    has_map: NDArray[np.bool_]
+    """Whether a map gives the stiffness of any surface of a body, (bodies,)."""
+    compliance: Array
+    """Largest compliance of a surface of a body [m/N], 0 if none has any, (bodies,)."""
     varies: NDArray[np.bool_]
     """Whether friction or stiffness differ between the facets of a body, (bodies,)."""
     first_surface: NDArray[np.int64]
@@ -162,6 +166,8 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         shares=_shares(facets.axes[:, 2]), geom=np.concatenate(geoms),
         friction=np.concatenate([touch[:, 0] for touch in touches]),
         stiffness=np.concatenate([touch[:, 1] for touch in touches]),
+        has_map=np.bincount(geometry.body, geometry.stiffness_map[geometry.surface] >= 0) > 0.0,
+        compliance=np.array([_compliance(*each) for each in zip(bodies, touches, strict=True)]),
         varies=np.array([_varies(touch) for touch in touches]),
         slack=np.array(slacks), first_surface=geometry.surface[first_geoms], raised=raised,
         lowered=lowered, middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
@@ -241,6 +247,12 @@ def _varies(touch: Array) -> bool:
     return len(np.unique(np.nan_to_num(touch, nan=-1.0), axis=0)) > 1
 
 
+def _compliance(body: Body, touch: Array) -> float:
+    """Return the largest compliance of a body's surfaces [m/N], 0 if none has any."""
+    least = [found.lowest for found in body.stiffness_maps]
+    return float(np.max(1.0 / np.array([*least, *touch[~np.isnan(touch[:, 1]), 1]]), initial=0.0))
+
+
 def _covered(facets: Facets, geoms: Sequence[Geom], own: Geom) -> NDArray[np.bool_]:
     """Return which facets are covered by another box of the body: wholly within or against it."""
     hidden = np.zeros(len(facets), dtype=bool)
@@ -262,6 +274,7 @@ def _on_texture(
     kinds = np.full(len(geometry.texture), PLANAR)
     kinds[geometry.mapping == MAPPINGS.index("triplanar")] = TRIPLANAR
     mapped = (geometry.texture[surface] >= 0) | (geometry.friction_map["map"][surface] >= 0)
+    mapped |= geometry.stiffness_map[surface] >= 0
     blended = mapped & (kinds[surface] == TRIPLANAR)
     by_axes = blended | (mapped & ~is_mesh)
     place[by_axes, 0] = facets.origin[by_axes]

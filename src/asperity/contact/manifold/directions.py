@@ -26,10 +26,12 @@ from asperity.contact.manifold.overlap_region import (
     corner_slope,
     deepest_corner,
 )
+from asperity.contact.manifold.properties import least_scale
 from asperity.contact.manifold.records import MAX_PARTS, MAX_PATCHES
 from asperity.contact.manifold.residual import fill_residuals
 from asperity.contact.manifold.separation import LONGEST
 from asperity.contact.narrow_phase.geom_depth import SearchLimits, frame_round
+from asperity.contact.narrow_phase.load import scale_of
 from asperity.contact.narrow_phase.mesh_depth import SplitRegion, region_depths
 from asperity.contact.narrow_phase.mesh_patches import FacetQuery
 from asperity.contact.response.ways_out import RATIO
@@ -176,7 +178,8 @@ def _search_direction(model, parameters, query, which, memory, space, workspace)
     direction.patches = _search_patches(model, parameters, query, which, memory, space, workspace)
     square = 0.0
     for p in range(direction.first, direction.first + direction.patches):
-        square += max(manifold.result[p].depth, 0.0) ** 2
+        result = manifold.result[p]
+        square += (scale_of(result) * max(result.depth, 0.0)) ** 2
     direction.depth = math.sqrt(square / direction.patches)
     # Facets that overlap along their own normals may lie beside each other along the mean one.
     is_none = square == 0.0 and space.region.sums[which[0]].deepest > query.lowered
@@ -265,6 +268,7 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
     workspace : Workspace
     """
     table, found = model.facets, space.residuals
+    soft = least_scale(table, query, parameters.stiffness)
     for d in range(DIRECTIONS):
         clear_record(space.directions[d])
         for c in range(DIRECTIONS):
@@ -279,7 +283,7 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
         if searched > 0 and _is_freed(table, query, count, d, space):
             # One that goes on beyond the limit need not be known: see `mesh_manifold`.
             most = RATIO * (LONGEST if deepest < query.limit else 1.0) * least
-        is_near = deepest - query.lowered <= most
+        is_near = deepest - query.lowered <= most / soft
         if is_near:
             fill_mean_normal(table, count, d, space.region, direction.normal)
             is_near = not _is_needless(table, query, count, d, space)

@@ -58,6 +58,22 @@ def _relief(textures, geometry, pair):
 
 
 @inner_kernel
+def _has_map_of(geometry, g, h):
+    """Return whether two geoms have the same map of stiffness, or both none."""
+    maps, surface = geometry.stiffness_map, geometry.surface
+    return maps[surface[g]] == maps[surface[h]]
+
+
+@inner_kernel
+def _stiffness_range(textures, geometry, surface):
+    """Return the least and the largest stiffness of a surface [N/m]; nan if it has none."""
+    k = geometry.stiffness_map[surface]
+    if k >= 0:
+        return textures.maps[k].lowest, -1.0 / textures.maps[k].highest
+    return geometry.stiffness[surface], geometry.stiffness[surface]
+
+
+@inner_kernel
 def _same_part(geometry, memory, used, found):
     """Return the part whose only direction is that of `found`, from the same body; -1: none.
 
@@ -67,6 +83,8 @@ def _same_part(geometry, memory, used, found):
         other = memory.separations[i]
         is_same = geometry.body[other.geom_b] == geometry.body[found.geom_b]
         is_same = is_same and other.scale == found.scale and other.friction == found.friction
+        is_same = is_same and _has_map_of(geometry, other.geom_a, found.geom_a)
+        is_same = is_same and _has_map_of(geometry, other.geom_b, found.geom_b)
         if is_same and is_same_way(memory.separations, used, i, found):
             return other.part
     return np.int64(-1)
@@ -101,17 +119,19 @@ def find_parts(textures, geometry, frames, centre, parameters, memory):
         if rows.size < 2:
             memory.state[0].dropped += 1
             continue
-        count = fill_separations(geometry, pair, frame, rough, rows)
         one, two = geometry.surface[pair.geom_a], geometry.surface[pair.geom_b]
-        stiffness = pair_stiffness(
-            geometry.stiffness[one], geometry.stiffness[two], parameters.stiffness
-        )
+        low_a, high_a = _stiffness_range(textures, geometry, one)
+        low_b, high_b = _stiffness_range(textures, geometry, two)
+        stiffness = pair_stiffness(low_a, low_b, parameters.stiffness)
+        # A way out where a map is stiff may be as long as a farther one where it is soft.
+        wide = math.sqrt(pair_stiffness(high_a, high_b, parameters.stiffness) / stiffness)
+        count = fill_separations(geometry, pair, frame, rough, wide, rows)
         friction = pair_friction(
             geometry.friction[one], geometry.friction[two], parameters.friction
         )
         for j in range(count):
             rows[j].rough, rows[j].friction = rough, friction
-            rows[j].scale = math.sqrt(stiffness / parameters.stiffness)
+            rows[j].scale = rows[j].gap_scale = math.sqrt(stiffness / parameters.stiffness)
         if count == 1:
             pair.part = _same_part(geometry, memory, used, rows[0])
             if pair.part >= 0:

@@ -8,7 +8,10 @@ of the last tick only chooses where to look first, and how deep.
 The gradient of s has two parts. That by the depths is felt at the patches: with delta_p the depths
 of the m patches of a direction and delta the root of their mean square, a patch has the weight
 
-    w_p = s ds/d(delta) / (m delta),      force_p = k w_p delta_p m_p.
+    w_p = s ds/d(delta) / (m delta),      force_p = k w_p delta_p m_p
+
+(with a map of stiffness, delta_p is scaled by the root of what it gives over k, and w_p by its
+square).
 
 The other is by all else that moves with the tool: normals, the lines that split regions, and
 residuals. These follow from integrals over the overlap region, and so does their derivative, in one
@@ -33,11 +36,14 @@ from asperity.contact.manifold.overlap_region import clip_depth, clip_pair
 from asperity.contact.manifold.properties import (
     add_stiffness_rates,
     contact_properties,
+    has_map,
+    least_scale,
     properties_vary,
 )
 from asperity.contact.manifold.region_gradient import add_piece_gradient, fill_polynomial
 from asperity.contact.manifold.residual import add_residual_gradient
 from asperity.contact.manifold.split import add_line_rates
+from asperity.contact.narrow_phase.load import scale_of
 from asperity.contact.narrow_phase.surface_patch import FLATTEST
 from asperity.contact.response.mesh_way_out import fill_way_out
 from asperity.contact.response.ways_out import RATIO
@@ -153,6 +159,9 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     size = half_diagonal(model.facets, query.first) + half_diagonal(model.facets, query.second)
     limit, way_out, count = _first_limit(model, memory, query, overlap), 0.0, 0
     here, least = query, _least_limit(model, query)
+    usual = parameters.stiffness
+    soft = least_scale(model.facets, query, usual)
+    workspace.search[0].usual = 1.0 / usual if has_map(model.facets, query) else 0.0
     for _ in range(_ROUNDS):
         space.spent[0] = 0.0  # what a discarded round has used up is not missed by the last one
         space.manifold.count[0].patches, space.manifold.count[0].dropped = first, dropped
@@ -161,7 +170,7 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
             limit, query.raised, query.lowered,
         )  # fmt: skip
         way_out, count = _look(model, parameters, here, memory, space, workspace)
-        wanted = RATIO * way_out + query.lowered
+        wanted = RATIO * way_out / soft + query.lowered
         is_new = memory.known[query.body] == 0
         if is_new and way_out == 0.0 and limit < min(RATIO * overlap + query.lowered, size):
             wanted = 2.0 * limit
@@ -247,15 +256,16 @@ def _weigh(query, space, way_out, rest_io):
             if depth <= 0.0:
                 continue
             m, moment = manifold.result[p].slope_normal, manifold.result[p].moment
-            patch.weight = max(part * way_out, 0.0)
+            own = part * scale_of(manifold.result[p]) ** 2
+            patch.weight = max(own * way_out, 0.0)
             for k in range(3):
-                n[k] -= part * depth * depth * m[k]
-                if part < 0.0:
-                    rest_io[k] -= part * depth * m[k]
-                    rest_io[3 + k] -= part * depth * moment[k]
+                n[k] -= own * depth * depth * m[k]
+                if own < 0.0:
+                    rest_io[k] -= own * depth * m[k]
+                    rest_io[3 + k] -= own * depth * moment[k]
             for k in range(2):
                 if patch.line_rate[k] != 0.0:
-                    rate = part * depth * patch.line_rate[k]
+                    rate = own * depth * patch.line_rate[k]
                     add_line_rates(space.region.sums[d], k, patch.base, rate, direction)
         to_body(query.frame_b, n, turn)
         for k in range(3):
@@ -304,7 +314,7 @@ def _add_rest(table, query, count, parameters, way_out, space, rest_io):
     for d in range(DIRECTIONS):
         if space.directions[d].patches > 0 and not _is_flat(region.sums[d]):
             add_normal_rates(table, count, d, region, space.directions[d].turn, rates)
-    if properties_vary(table, query):
+    if properties_vary(table, query) and not has_map(table, query):
         stiffness = space.stiffness[query.body]
         add_stiffness_rates(table, count, parameters, stiffness, way_out, region)
     for i in range(count):

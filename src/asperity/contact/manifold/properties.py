@@ -2,10 +2,13 @@
 
 Both are means over the overlap region, weighted by the volume of the overlap, so that a tool that
 crosses from one region to the next meets no step. The energy k s^2 / 2 then changes with k too, and
-the gradient has the part s^2 / 2 dk.
+the gradient has the part s^2 / 2 dk. Where a map gives the stiffness, depths are scaled by its root
+instead (`narrow_phase.compliance`), and k is that of the force law.
 """
 
 from __future__ import annotations
+
+import math
 
 from asperity._core.kernels import inner_kernel
 from asperity.contact.body_arrays import pair_friction, pair_stiffness
@@ -33,6 +36,24 @@ def properties_vary(table, query):
 
 
 @inner_kernel
+def has_map(table, query):
+    """Return whether a map gives the stiffness of either body."""
+    return table.has_map[query.first] or table.has_map[query.second]
+
+
+@inner_kernel
+def least_scale(table, query, usual):
+    """Return the least factor by which a map of stiffness scales a depth, at most 1; else 1.
+
+    `usual` is the stiffness of the force law [N/m].
+    """
+    if not has_map(table, query):
+        return 1.0
+    compliance = table.compliance[query.first] + table.compliance[query.second]
+    return 1.0 / math.sqrt(max(usual * compliance, 1.0))
+
+
+@inner_kernel
 def contact_properties(table, query, count, parameters, region):
     """Return stiffness [N/m] and friction [-] of a contact, means over its `count` pairs."""
     f, g = table.first[table.root[query.first]], table.first[table.root[query.second]]
@@ -47,9 +68,11 @@ def contact_properties(table, query, count, parameters, region):
                 stiffness += volume * _stiffness_of(table, f, g, parameters)
                 friction += volume * own
     if total > 0.0:
-        return stiffness / total, friction / total
-    own = pair_friction(table.friction[f], table.friction[g], parameters.friction)
-    return _stiffness_of(table, f, g, parameters), own
+        stiffness, friction = stiffness / total, friction / total
+    else:
+        friction = pair_friction(table.friction[f], table.friction[g], parameters.friction)
+        stiffness = _stiffness_of(table, f, g, parameters)
+    return (parameters.stiffness if has_map(table, query) else stiffness), friction
 
 
 @inner_kernel

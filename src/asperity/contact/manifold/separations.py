@@ -231,7 +231,7 @@ def _is_beside_least(rows, i, least, rough):
 
 
 @inner_kernel
-def fill_separations(geometry, pair, frames, rough, rows):
+def fill_separations(geometry, pair, frames, rough, wide, rows):
     """Fill the directions along which geom A of a pair may leave geom B; return how many there are.
 
     Parameters
@@ -242,6 +242,8 @@ def fill_separations(geometry, pair, frames, rough, rows):
         Axes and centres of the two geoms, from the tool's centre of mass.
     rough : float
         How far textures rise above or fall below both surfaces at most [m].
+    wide : float
+        Multiple of the usual separation up to which a direction may count, 1 or more.
     rows : SEPARATION records
         Filled; 0 where the two are apart even at their textures' highest points.
     """
@@ -253,7 +255,7 @@ def fill_separations(geometry, pair, frames, rough, rows):
     if least + rough <= 0.0:
         return np.int64(0)
     # Edges and curved surfaces may have a smaller one; that of faces is a bound already.
-    floor = LONGEST * FARTHEST * (least + rough)
+    floor = LONGEST * FARTHEST * wide * (least + rough)
     if geometry.kind[pair.geom_a] == BOX and geometry.kind[pair.geom_b] == BOX:
         count = _add_edges(geometry, pair, frames, floor, rough, rows, count)
     elif not _is_inside_a_face(geometry, pair, rows, faces):
@@ -265,7 +267,7 @@ def fill_separations(geometry, pair, frames, rough, rows):
     for i in range(count):
         if rows[i].kind > FACE_B and _is_beside_least(rows, i, least, rough):
             rows[i].part = 0
-        if rows[i].part == 1 and rows[i].gap - rough < LONGEST * FARTHEST * (least + rough):
+        if rows[i].part == 1 and rows[i].gap - rough < LONGEST * FARTHEST * wide * (least + rough):
             if kept != i:
                 copy_record(rows[kept], rows[i])
             kept += 1

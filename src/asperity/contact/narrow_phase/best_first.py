@@ -17,11 +17,13 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
+from asperity.contact.narrow_phase.bounds.compliance import lowering_over
 from asperity.contact.narrow_phase.bounds.limits import beyond_straight_borders
 from asperity.contact.narrow_phase.bounds.plane_pairs import quarter_bounds
 from asperity.contact.narrow_phase.bounds.planes import box_under, planes_of
 from asperity.contact.narrow_phase.bounds.rough_on_smooth import rough_bound
 from asperity.contact.narrow_phase.branch_and_bound import (
+    FINEST_TIE,
     SMALLEST,
     evaluate_node,
     initialise_pair,
@@ -193,6 +195,10 @@ def _divide(textures, planes, pair, node, row, grains, search, queue):
             x, y = 0.5 * (p0 + p1), 0.5 * (q0 + q1)
             box = (x, y, p1 - x, q1 - y)
             bounds[child] = rough_bound(textures, pair.patch, pair.other, planes, box)
+        if search.load > 0.0:
+            bounds[child] -= lowering_over(
+                textures, pair.patch, pair.other, (p0, p1, q0, q1), search
+            )[0]
         high = min(bounds[child], above)
         if high == -np.inf:
             continue
@@ -273,10 +279,15 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
         grain = _grain(textures, other) * other.lateral_min / patch.lateral_max
         grain = min(_grain(textures, patch), grain)
         x0, x1, y0, y1 = _box_of(nodes[number], candidate)
+        resolved = _RESOLVED * grain
+        if patch.stiffness_map >= 0 and grain == np.inf:
+            # Of a map that is level in parts, the middle of these counts.
+            sides = candidate.box
+            resolved = FINEST_TIE * max(sides[1] - sides[0], sides[3] - sides[2])
         while True:
             large, box = max(x1 - x0, y1 - y0), (x0, x1, y0, y1)
             is_done = large < SMALLEST or used + 4 > MAX_NODES
-            if above <= search.incumbent + tolerance and large <= _RESOLVED * grain:
+            if above <= search.incumbent + tolerance and large <= resolved:
                 is_done = True
                 search.nodes += 1.0
                 resolve_once(textures, pair, box, above, search)

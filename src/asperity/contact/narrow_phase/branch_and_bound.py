@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity.contact.narrow_phase.bounds.compliance import lowering_over
 from asperity.contact.narrow_phase.bounds.curvature import CONCAVE, QUADRATIC, UNEVALUATED
 from asperity.contact.narrow_phase.bounds.limits import beyond_borders
 from asperity.contact.narrow_phase.bounds.overlap import (
@@ -27,6 +28,7 @@ from asperity.contact.narrow_phase.incumbent import TIE, is_spent, pruning_thres
 from asperity.contact.narrow_phase.newton_ascent import is_within, newton_ascent
 from asperity.contact.narrow_phase.overlap import limits_at, overlap_at
 from asperity.contact.narrow_phase.patch_pair import (
+    GENERAL,
     PLANES,
     SPHERE_ON_PLANE,
     PatchPair,
@@ -91,7 +93,7 @@ def initialise_pair(textures, patch, other, guess, search, candidate):
     candidate.bound = -np.inf
     if not (x0 <= x1 and y0 <= y1):
         return
-    if is_straight(patch) and is_straight(other):
+    if is_straight(patch) and is_straight(other) and search.load == 0.0:
         # Solved exactly: there is nothing to search.
         found, area = deepest_of_planes(textures, patch, other, TIE, search)
         if found:
@@ -105,6 +107,8 @@ def initialise_pair(textures, patch, other, guess, search, candidate):
     bound = raised_base_bound(textures, patch, other, base_x, base_y, window, shift)
     if bound == -np.inf:
         return
+    if search.load > 0.0:
+        bound -= lowering_over(textures, patch, other, window, search)[0]
     candidate.bound = bound
     x, y = parameters_at(patch, guess[0], guess[1])
     if not (x0 <= x <= x1 and y0 <= y <= y1):
@@ -113,11 +117,16 @@ def initialise_pair(textures, patch, other, guess, search, candidate):
         record_maximum(search, candidate.number, 0.0)
 
 
-@small_kernel
-def _is_flat(pair):
-    """Return whether both patches are smooth planes."""
+@inner_kernel
+def _is_flat(textures, pair, box, search):
+    """Return whether both patches are smooth planes over a box, and it is lowered evenly."""
     patch, other = pair.patch, pair.other
-    return patch.bulge == other.bulge == 0.0 and patch.texture < 0 and other.texture < 0
+    if patch.bulge > 0.0 or other.bulge > 0.0 or patch.texture >= 0 or other.texture >= 0:
+        return False
+    if search.load == 0.0 or patch.stiffness_map < 0:
+        return True
+    x0, x1, y0, y1 = box
+    return lowering_over(textures, patch, other, box, search)[2] * (x1 - x0 + y1 - y0) <= TIE
 
 
 @inner_kernel
@@ -163,7 +172,7 @@ def evaluate_node(textures, pair, box, bound, search):
     if is_solved:
         search.upper_bound = max(search.upper_bound, high)
         return -np.inf
-    is_level = _is_flat(pair) and is_candidate and high <= at.f + TIE
+    is_level = is_candidate and high <= at.f + TIE and _is_flat(textures, pair, box, search)
     if is_level and _clear_of_limits(patch, other, box, search):
         # Flat on flat: all of the box is equally deep.
         search.upper_bound = max(search.upper_bound, high)
@@ -180,7 +189,7 @@ def resolve_leaf(textures, pair, box, bound, search):
     search.upper_bound = max(search.upper_bound, bound)
     weight = (x1 - x0) * (y1 - y0)
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    if _is_flat(pair):
+    if _is_flat(textures, pair, box, search):
         overlap_at(textures, patch, other, x, y, search, at)
         if abs(at.f_x) + abs(at.f_y) < _FLAT_SLOPE:
             # Flat on flat: the box counts if its centre does.
@@ -221,6 +230,8 @@ def search_pair(textures, patch, other, candidate, bound, tolerance, search):
         A box is not divided for a gain smaller than this [m].
     """
     kind, x, y = kind_and_base(patch, other, candidate.base_x, candidate.base_y)
+    if search.load > 0.0:
+        kind = np.int64(GENERAL)
     shift = pair_shift(textures, patch, other)
     window = window_of(patch, other, shift)
     pair = PatchPair(patch, other, candidate.number, kind, x, y, shift, window)

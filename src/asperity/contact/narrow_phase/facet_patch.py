@@ -7,7 +7,7 @@ import math
 from asperity._core.kernels import inner_kernel
 from asperity._core.records import clear_record
 from asperity.contact.narrow_phase.displaced_surface import place_at
-from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, fill_friction, fill_lateral
+from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, fill_lateral, fill_properties
 
 
 @inner_kernel
@@ -54,11 +54,14 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
     surface = table.surface[f]
     texture = geometry.texture[surface]
     patch.texture, patch.mapping = texture, int(table.mapping[surface])
-    fill_friction(geometry, surface, patch)
+    fill_properties(geometry, surface, patch)
     patch.friction = table.friction[f]
     if patch.friction == patch.friction:
         patch.friction_map = -1  # that of a material comes first
-    if texture < 0 and patch.friction_map < 0:
+    stiffness = table.stiffness[f]
+    if stiffness == stiffness:
+        patch.stiffness_map, patch.compliance = -1, 1.0 / stiffness
+    if texture < 0 and patch.friction_map < 0 and patch.stiffness_map < 0:
         return
     patch.texture_top = table.top[f]
     for k in range(3):

@@ -27,6 +27,13 @@ from asperity.contact.narrow_phase.displaced_surface import (
     root_at,
 )
 from asperity.contact.narrow_phase.incumbent import begin_search
+from asperity.contact.narrow_phase.load import (
+    FOUND,
+    MOST_SEARCHES,
+    has_map,
+    raise_load,
+    settle_load,
+)
 from asperity.contact.narrow_phase.penetration import fill_penetration, search_candidates
 from asperity.contact.narrow_phase.surface_patch import entries, fill_patches, stretch_plane
 
@@ -149,13 +156,43 @@ def fill_depth_along(textures, geometry, query, limits, memory, result_out):
     made_a, made_b = fill_facing_patches(geometry, query, frame, memory)
     u = frame[0, 0] * guess[0] + frame[0, 1] * guess[1] + frame[0, 2] * guess[2]
     v = frame[1, 0] * guess[0] + frame[1, 1] * guess[1] + frame[1, 2] * guess[2]
+    search = memory.search[0]
+    search.load = 0.0
+    _search_all(textures, (made_a, made_b), (u, v), limits, memory)
+    if search.incumbent > 0.0 and has_map(memory, made_a, made_b):
+        _search_under_load(textures, (made_a, made_b), limits, memory)
+    fill_penetration(textures, made_b, n, limits.tolerance, memory, result_out)
+    search.load = 0.0
+
+
+@inner_kernel
+def _search_all(textures, made, guess, limits, memory):
+    """Search all pairs of patches from the place `guess` (u, v), where that is known."""
+    made_a, made_b = made
     begin_search(memory.search[0], float(limits.max_nodes), -np.inf)
     for number in range(made_a * made_b):
         # All pairs are initialised before one is searched.
         candidate = memory.candidates[number]
         candidate.bound, candidate.is_initialised, candidate.number = np.inf, False, number
-    search_candidates(textures, made_b, made_a * made_b, (u, v), limits.tolerance, memory)
-    fill_penetration(textures, made_b, n, limits.tolerance, memory, result_out)
+    search_candidates(textures, made_b, made_a * made_b, guess, limits.tolerance, memory)
+
+
+@inner_kernel
+def _search_under_load(textures, made, limits, memory):
+    """Find the load of bodies of which one has a map of stiffness, by a search or a few."""
+    search, nodes = memory.search[0], 0.0
+    for _ in range(MOST_SEARCHES):
+        raise_load(textures, made[1], memory)
+        nodes += search.nodes
+        guess = (search.at.point[0], search.at.point[1])
+        _search_all(textures, made, guess, limits, memory)
+        if search.best.pair < 0:
+            return
+        is_found = abs(search.incumbent) <= FOUND
+        if is_found or search.nodes >= search.node_limit:
+            break
+    search.nodes += nodes
+    settle_load(textures, made[1], memory)
 
 
 @kernel

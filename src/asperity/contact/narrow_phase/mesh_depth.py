@@ -22,6 +22,12 @@ from asperity.contact.narrow_phase.best_first import ascend_in, best_first_searc
 from asperity.contact.narrow_phase.geom_depth import frame_round
 from asperity.contact.narrow_phase.incumbent import SAME_POINT, TIE, begin_search
 from asperity.contact.narrow_phase.line_rates import fill_line_rates
+from asperity.contact.narrow_phase.load import (
+    FOUND,
+    MOST_SEARCHES,
+    raise_load,
+    settle_load,
+)
 from asperity.contact.narrow_phase.mesh_patches import (
     FacetQuery,
     Wanted,
@@ -32,6 +38,7 @@ from asperity.contact.narrow_phase.penetration import fill_penetration
 from asperity.contact.narrow_phase.surface_patch import FLATTEST
 from asperity.contact.narrow_phase.warm_start import (
     SubRegions,
+    bound_again,
     cull_pairs,
     distances_from_lines,
     fill_known_depths,
@@ -141,6 +148,38 @@ def _limit_to_sub_region(memory, made_b, lines, side_1, side_2, radius):
 
 
 @inner_kernel
+def _search_under_load(textures, stride, count, start, limits, memory, queue):
+    """Search a region of bodies of which one has a map of stiffness.
+
+    `start` has (u, v) of the last deepest point, nan if unknown, and its pair and parameters, as
+    those of `SubRegions.found`, which are changed.
+    """
+    search, nodes, (guess, found) = memory.search[0], 0.0, start
+    search.load = 0.0
+    for turn in range(1 + MOST_SEARCHES):
+        bound_again(textures, count, stride, memory)
+        _begin(search, limits.max_nodes, 0.0, math.inf)
+        if turn > 0:
+            search.incumbent = -math.inf  # the deepest place is at 0
+        ascend_in(textures, stride, count, found, memory)
+        best_first_search(
+            textures, stride, count, guess, limits.tolerance, memory, queue, np.int64(0)
+        )
+        nodes += search.nodes
+        if search.best.pair < 0:
+            break
+        is_found = abs(search.incumbent) <= FOUND or search.nodes >= search.node_limit
+        if turn > 0 and (is_found or turn == MOST_SEARCHES):
+            settle_load(textures, stride, memory)
+            break
+        raise_load(textures, stride, memory)
+        at = search.at
+        guess = (at.point[0], at.point[1])
+        found[0], found[1], found[2] = search.best.pair, at.x, at.y
+    search.nodes = nodes
+
+
+@inner_kernel
 def region_depths(model, region, query, limits, memory, space, first):
     """Search the sub-regions of one direction; fill rows of `space.manifold` from `first` on.
 
@@ -178,21 +217,28 @@ def region_depths(model, region, query, limits, memory, space, first):
     for p in range(1, number):
         least = min(least, depths[p])
         best = p if depths[p] > depths[best] else best
-    culled = max(least, 0.0)
+    # By a map of stiffness, another place than the deepest may count.
+    has_map = search.usual > 0.0
+    culled = 0.0 if has_map else max(least, 0.0)
     wanted = Wanted(listed, made_a, made_b, culled, points, none)
     count, made_a, made_b, has_room = collect_candidates(model, query, wanted, memory, space)
     has_room = has_room and had_room
     count = cull_pairs(textures, count, stride, culled, memory)
     # The deepest point of all is that of every sub-region that it lies in.
     # If one of m patches is sqrt(m) times as deep as counts, their root mean square is too.
-    ceiling = region.ceiling * math.sqrt(float(number))
-    _begin(search, float(max_nodes), culled, ceiling)
+    ceiling = math.inf if has_map else region.ceiling * math.sqrt(float(number))
     guess = (points[best, 0], points[best, 1])
-    ascend_in(textures, stride, count, found[best], memory)
-    best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, none)
+    if has_map:
+        start = (guess, found[best])
+        _search_under_load(textures, stride, count, start, limits, memory, space.queue)
+    else:
+        _begin(search, float(max_nodes), culled, ceiling)
+        ascend_in(textures, stride, count, found[best], memory)
+        best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, none)
     fill_penetration(textures, stride, n, tolerance, memory, results_out[0])
     clear(patches_out[0].line_rate)
     if number == 1 or results_out[0].depth == -math.inf or results_out[0].depth > ceiling:
+        search.load = 0.0
         return 1, has_room
     single, at_1, at_2 = _single_deepest(memory, stride, lines)
     for p in range(number - 1, -1, -1):
@@ -204,14 +250,19 @@ def region_depths(model, region, query, limits, memory, space, first):
             clear(patches_out[p].line_rate)
             continue
         added = _limit_to_sub_region(memory, made_b, lines, side_1, side_2, region.radius)
-        _begin(search, max_nodes, culled, math.inf)
         guess = (points[p, 0], points[p, 1])
-        ascend_in(textures, stride, count, found[p], memory)
-        best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, added)
+        if has_map:
+            start = (guess, found[p])
+            _search_under_load(textures, stride, count, start, limits, memory, space.queue)
+        else:
+            _begin(search, max_nodes, culled, math.inf)
+            ascend_in(textures, stride, count, found[p], memory)
+            best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, added)
         fill_penetration(textures, stride, n, tolerance, memory, results_out[p])
         fill_line_rates(stride, sides[p], added, memory, patches_out[p])
         for b in range(made_b):
             memory.patches_b[b].border_count -= added
+    search.load = 0.0
     return number, has_room
 
 

@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity.contact.narrow_phase.compliance import lower
 from asperity.contact.narrow_phase.displaced_surface import (
     base_height_at,
     ellipse_form,
@@ -66,9 +67,14 @@ def overlap_on_level(textures, patch, other, x, y, out):
 
 @inner_kernel
 def overlap_at(textures, patch, other, x, y, search, out):
-    """Fill an `OVERLAP` of two patches at (x, y) of the first; `search` has scratch memory."""
+    """Fill an `OVERLAP` of two patches at (x, y) of the first; `search` has scratch memory.
+
+    Under the load of a search it is lowered: see `compliance`.
+    """
     if patch.is_level and other.texture < 0:
         overlap_on_level(textures, patch, other, x, y, out)
+        if search.load > 0.0:
+            lower(textures, patch, other, entries(patch.lateral), search, out)
         return
     point, below = search.surface, search.other_surface
     surface_at(textures, patch, x, y, point)
@@ -117,6 +123,8 @@ def overlap_at(textures, patch, other, x, y, search, out):
     out.other_slope[0], out.other_slope[1] = g1, g2
     out.point[0], out.point[1], out.point[2] = u, v, point.p[2]
     out.other_z = z
+    if search.load > 0.0:
+        lower(textures, patch, other, (u_x, u_y, v_x, v_y), search, out)
 
 
 @small_kernel

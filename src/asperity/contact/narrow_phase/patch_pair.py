@@ -45,7 +45,12 @@ def _is_implicit(patch):
 
 @inner_kernel
 def searches_a(a, b):
-    """Return whether A's patch is searched: of two, the one whose height is costlier to look up."""
+    """Return whether A's patch is searched: of two, the one whose height is costlier to look up.
+
+    It is the one with a map of stiffness, if either has one.
+    """
+    if a.stiffness_map >= 0 or b.stiffness_map >= 0:
+        return a.stiffness_map >= 0
     if _is_implicit(a) != _is_implicit(b):
         return _is_implicit(a)
     if _is_implicit(a):

@@ -5,6 +5,8 @@ The gradient of the depth is that of the overlap at the deepest point; see `geom
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from asperity._core.kernels import inner_kernel
@@ -13,6 +15,7 @@ from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.branch_and_bound import initialise_pair, search_pair
 from asperity.contact.narrow_phase.friction import friction_of_tie
 from asperity.contact.narrow_phase.incumbent import SAME_POINT, TIE, pruning_threshold
+from asperity.contact.narrow_phase.load import scale_of_tie
 from asperity.contact.narrow_phase.patch_pair import searches_a
 from asperity.contact.narrow_phase.records import BUDGET_SPENT, CERTIFIED
 from asperity.contact.narrow_phase.slope_normal import slope_normal_of_tie
@@ -92,7 +95,10 @@ def _certain_slope_normal(textures, stride, t, memory, m_out, scratch):
 
 @inner_kernel
 def fill_penetration(textures, stride, n, tolerance, memory, result_out):
-    """Fill a `PENETRATION` record from a finished search: depth, gap, and means over the ties."""
+    """Fill a `PENETRATION` record from a finished search: depth, gap, and means over the ties.
+
+    Under a load, the means are weighted by how much of it each tie takes as it deepens.
+    """
     search, frame = memory.search[0], memory.frame
     clear_record(result_out)
     result_out.friction = np.nan
@@ -110,7 +116,7 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
         if _counts(search, t):
             area += search.ties[t].weight
     m, p, q = stack_array((3,)), stack_array((3,)), stack_array((3,))
-    total = friction = 0.0
+    total = friction = number = 0.0
     has_map = False
     for t in range(search.tie_count):
         if not _counts(search, t):
@@ -120,6 +126,9 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
         share = tie.weight if area > 0.0 else 1.0
         if share == 0.0:
             continue
+        number += share
+        if search.load > 0.0:
+            share *= scale_of_tie(textures, stride, tie, memory)
         is_a = _certain_slope_normal(textures, stride, t, memory, m, p)
         own, is_mapped = friction_of_tie(textures, stride, tie, is_a, memory)
         has_map = has_map or is_mapped
@@ -138,6 +147,9 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
             result_out.slope_normal[k] += share * q[k]
             one, two = (k + 1) % 3, (k + 2) % 3
             result_out.moment[k] += share * (p[one] * q[two] - p[two] * q[one])
+    if search.load > 0.0:
+        result_out.scale = total / number
+        result_out.depth = search.load * math.sqrt(search.usual) / result_out.scale
     result_out.unknown /= total
     if has_map:
         result_out.friction = friction / total

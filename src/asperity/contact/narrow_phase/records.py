@@ -21,6 +21,7 @@ PENETRATION = np.dtype(
         ("moment", "f8", 3),  # mean of point x m [m]
         ("friction", "f8"),  # mean of Coulomb's coefficient, if a map gives any; else nan
         ("unknown", "f8"),  # share of the points at which neither surface has a coefficient
+        ("scale", "f8"),  # root of the stiffness there over that of the law; 0: no map gives it
     ],
     align=True,
 )
@@ -82,6 +83,10 @@ PATCH = np.dtype(
         ("friction", "f8"),
         ("friction_scale", "f8", 2),
         ("friction_shift", "f8", 2),
+        # Stiffness: its map among the textures (-1: none), which lies as the texture does, or else
+        # the compliance (0: none).
+        ("stiffness_map", "i8"),
+        ("compliance", "f8"),  # [m/N]
         # Extent.
         ("rectangle", "f8", 4),  # x0, x1, y0, y1 [m]
         ("rectangle_is_edge", "?"),
@@ -237,6 +242,8 @@ SEARCH = np.dtype(
         ("next_clock_read", "f8"),  # node count at which the clock is read next
         ("is_cut_short", "?"),  # ended by the clock, since this was last cleared
         ("last_bound", "f8"),  # of the box that was evaluated last [m]
+        ("load", "f8"),  # see `compliance` [N^(1/2) m^(1/2)]; 0: the overlap itself is searched
+        ("usual", "f8"),  # compliance where no surface has one [m/N]; 0: maps of it do not count
         ("best", OVERLAP),
         ("tie_count", "i8"),
         ("ties", OVERLAP, MAX_TIES),  # points as deep as the best, and stale ones

@@ -2,7 +2,7 @@
 
 Where the deepest point lies on an edge, the slopes of the two surfaces differ. On an edge of A,
 which moves with A, B's slope counts; on an edge of B, A's. Edge on edge, m is perpendicular to
-both.
+both. Slopes are those of the lowered surfaces, if there is a load (`compliance`).
 """
 
 from __future__ import annotations
@@ -106,6 +106,10 @@ def _fill_slope_normal(textures, patch, other, is_a, at, search, out):
     elif on_edge and on_other_edge:
         # Both edges in (u, v, n); m is perpendicular to them.
         surface_at(textures, patch, at.x, at.y, point)
+        if search.load > 0.0:
+            # The edge is that of the lowered surface.
+            point.p_x[2] = at.slope[0] * point.p_x[0] + at.slope[1] * point.p_x[1]
+            point.p_y[2] = at.slope[0] * point.p_y[0] + at.slope[1] * point.p_y[1]
         across, e = _across_and_along(point, across_x, across_y, sign)
         j11, j12, j21, j22 = entries(at.jacobian)
         det = j11 * j22 - j12 * j21

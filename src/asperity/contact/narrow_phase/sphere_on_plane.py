@@ -21,6 +21,7 @@ def is_sphere_on_plane(patch, other):
         patch.is_level
         and patch.mapping == PLANAR
         and patch.texture >= 0
+        and patch.stiffness_map < 0
         and other.texture < 0
         and other.bulge > 0.0
         and other.slope[0] == other.slope[1] == 0.0

@@ -145,31 +145,34 @@ def _fill_derived(patch, frame, body, mapping, origin):
     patch.normal_min, patch.normal_rise = 1.0, 1.0
     if is_plane:
         patch.normal_lateral = math.hypot(normal[0], normal[1])
-    if patch.texture >= 0 or patch.friction_map >= 0:
+    if patch.texture >= 0 or patch.friction_map >= 0 or patch.stiffness_map >= 0:
         _fill_texture_map(patch, frame, body, origin)
 
 
 @inner_kernel
-def fill_friction(geometry, surface, patch):
-    """Fill the friction of a patch: that of a surface."""
+def fill_properties(geometry, surface, patch):
+    """Fill friction and stiffness of a patch: those of a surface."""
     laid = geometry.friction_map[surface]
     patch.friction, patch.friction_map = geometry.friction[surface], laid.map
     for k in range(2):
         patch.friction_scale[k], patch.friction_shift[k] = laid.scale[k], laid.shift[k]
+    stiffness = geometry.stiffness[surface]
+    patch.stiffness_map = geometry.stiffness_map[surface]
+    patch.compliance = 1.0 / stiffness if stiffness == stiffness else 0.0
 
 
 @inner_kernel
-def _fill_round_friction(geometry, g, patch):
-    """Fill the friction of a patch of a cylinder or capsule with a cylindrical map.
+def _fill_round_properties(geometry, g, patch):
+    """Fill friction and stiffness of a patch of a cylinder or capsule with a cylindrical map.
 
-    As a texture, it covers the side alone, and is stretched so that it closes round it.
+    As textures, maps cover the side alone, and are stretched so that they close round it.
     """
     surface, stretch = geometry.surface[g], geometry.friction_around[g]
-    fill_friction(geometry, surface, patch)
+    fill_properties(geometry, surface, patch)
     patch.friction_scale[0] = stretch
     patch.friction_shift[0] += (stretch - 1.0) * geometry.origin[surface, 0]
     if patch.radius == 0.0:
-        patch.friction_map = -1
+        patch.friction_map = patch.stiffness_map = -1
 
 
 @inner_kernel
@@ -329,7 +332,8 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
     elif kind == 2 or kind == 4:
         # A cylindrical map covers the side alone, which then ends in an edge on a capsule too.
         on_ends = -1 if mapping == CYLINDRICAL else texture
-        is_edge = kind == 4 or (mapping == CYLINDRICAL and texture >= 0)
+        has_map = texture >= 0 or geometry.stiffness_map[surface] >= 0
+        is_edge = kind == 4 or (mapping == CYLINDRICAL and has_map)
         if _fill_cylinder_side(patches_out[at], place, size[0], size[1], is_edge, axes):
             patch, around = patches_out[at], geometry.around[g]
             patch.map_start[0] = patch.map_start[0] * around - origin[0]
@@ -380,8 +384,8 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
                 at += 1
     for i in range(first, at):
         if mapping == CYLINDRICAL:
-            _fill_round_friction(geometry, g, patches_out[i])
+            _fill_round_properties(geometry, g, patches_out[i])
         else:
-            fill_friction(geometry, surface, patches_out[i])
+            fill_properties(geometry, surface, patches_out[i])
         _fill_derived(patches_out[i], frame, body, mapping, origin)
     return at

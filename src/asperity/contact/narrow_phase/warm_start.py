@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity.contact.narrow_phase.bounds.compliance import lowering_over
 from asperity.contact.narrow_phase.bounds.plane_pairs import bound_pair, top_bound
 from asperity.contact.narrow_phase.displaced_surface import parameters_at, place_at
 from asperity.contact.narrow_phase.incumbent import TIE
 from asperity.contact.narrow_phase.overlap import limits_at, overlap_at
-from asperity.contact.narrow_phase.patch_pair import searches_a
+from asperity.contact.narrow_phase.patch_pair import pair_shift, searches_a, window_of
 from asperity.contact.narrow_phase.surface_patch import entries
 
 ON_BORDER = 1e-9
@@ -132,6 +133,21 @@ def fill_known_depths(textures, count, stride, regions, parts, lines, memory):
                 found = regions.found[p]
                 regions.depth[p] = at.f
                 found[0], found[1], found[2] = number, at.x, at.y
+
+
+@inner_kernel
+def bound_again(textures, count, stride, memory):
+    """Bound the first `count` candidates anew, under the load of the search."""
+    search = memory.search[0]
+    for row in range(count):
+        candidate = memory.candidates[row]
+        a = memory.patches_a[candidate.number // stride]
+        b = memory.patches_b[candidate.number % stride]
+        patch, other = (a, b) if searches_a(a, b) else (b, a)
+        bound_pair(textures, patch, other, search, candidate)
+        if search.load > 0.0 and candidate.bound > -np.inf:
+            window = window_of(patch, other, pair_shift(textures, patch, other))
+            candidate.bound -= lowering_over(textures, patch, other, window, search)[0]
 
 
 @inner_kernel

@@ -20,10 +20,12 @@ g exceeds R s (the way leads out through another face), and not at all from 2 s 
 an almost parallel one that is simpler, by the angle between them (8 to 16 degrees).
 
 Where two surfaces have a stiffness of their own, k_p, their depths and separations count
-`sqrt(k_p / k)` times. The energy is `U = k s^2 / 2` and the wrench `-k s grad(s)`. Where there is
-one direction, as nearly always, this is the law of Otaduy & Lin (2004, Eqs 1 and 2). Otherwise
-grad(s) follows from the implicit function theorem, with central differences of the sums above by
-their inputs: depths, normals and separations, whose derivatives by the tool's pose are exact.
+`sqrt(k_p / k)` times; of a map of stiffness, that of the deepest place counts for the depth and
+that of the softest for the separation, so that it changes with the pose alone. The energy is
+`U = k s^2 / 2` and the wrench `-k s grad(s)`. Where there is one direction, as nearly always, this
+is the law of Otaduy & Lin (2004, Eqs 1 and 2). Otherwise grad(s) follows from the implicit function
+theorem, with central differences of the sums above by their inputs: depths, normals and
+separations, whose derivatives by the tool's pose are exact.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ _STEP = 1e-5
 @inner_kernel
 def _own_presence(separations, inputs, i, s):
     """Return how far a direction counts by its own separation, given the least way out `s`."""
-    beyond = (inputs[i, 1] - separations[i].scale * separations[i].rough) / s - RATIO
+    beyond = (inputs[i, 1] - separations[i].gap_scale * separations[i].rough) / s - RATIO
     return inputs[i, 2] * max(1.0 - smooth_step(beyond / (FARTHEST - RATIO)), _LAST_RESORT)
 
 
@@ -132,13 +134,13 @@ def _perturb(separations, used, ways, i, e, step):
     for j in range(used):
         found, row = separations[j], ways.inputs[j]
         scale, row[2] = found.scale, found.share
-        row[0], row[1] = scale * found.depth, scale * found.gap
+        row[0], row[1] = scale * found.depth, found.gap_scale * found.gap
         for k in range(3):
             row[3 + k] = found.normal[k]
         if i == j:
             row[0] += scale * step
         elif i < 0 and e >= 0:
-            row[1] += scale * step * found.gap_rate[e]
+            row[1] += found.gap_scale * step * found.gap_rate[e]
             row[2] += step * found.share_rate[e]
             for k in range(3):
                 row[3 + k] += step * found.normal_rate[k, e]

@@ -19,7 +19,7 @@ from asperity.texture.packed import PackedTextures
 
 def solids_of(bodies: Sequence[Body], poses: Sequence[Array]) -> Solids:
     """Return the geoms and textures of bodies at their poses (7,)."""
-    refuse_friction_maps(bodies)
+    refuse_property_maps(bodies)
     textures, geometry = flatten_bodies(bodies)
     reach, frames = _reach(textures, geometry), np.empty((len(geometry.kind), 3, 4))
     solids = Solids(textures, geometry, reach, frames, _bound(geometry, reach))
@@ -27,13 +27,18 @@ def solids_of(bodies: Sequence[Body], poses: Sequence[Array]) -> Solids:
     return solids
 
 
-def refuse_friction_maps(bodies: Sequence[Body]) -> None:
-    """Raise `AsperityError` for a map of friction: where a skin is, its own friction counts."""
+def refuse_property_maps(bodies: Sequence[Body]) -> None:
+    """Raise `AsperityError` for a map of friction or stiffness: where a skin is, its own count."""
     for body in bodies:
         if body.friction_maps:
             raise AsperityError(
                 f"friction of body {body.name!r} is a map; with a soft skin, friction is one "
                 "number, the skin's"
+            )
+        if body.stiffness_maps:
+            raise AsperityError(
+                f"stiffness of body {body.name!r} is a map; with a soft skin, the skin's modulus "
+                "counts: leave it out"
             )
 
 

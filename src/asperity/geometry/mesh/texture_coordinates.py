@@ -12,11 +12,10 @@ from asperity.geometry.bodies import Body, map_origin
 from asperity.geometry.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
-    from asperity.texture.friction_map import FrictionMap
-    from asperity.texture.height_field import HeightField
+    from asperity.texture.sampled_map import SampledMap
 
 
-def places_on_map(body: Body, laid: HeightField | FrictionMap | None) -> Array | None:
+def places_on_map(body: Body, laid: SampledMap | None) -> Array | None:
     """Return the coordinates on a map of every corner of a body's mesh [m], (m, 3, 2).
 
     None without a mesh or a map, and for triplanar maps, which have three.
@@ -38,7 +37,7 @@ def places_on_map(body: Body, laid: HeightField | FrictionMap | None) -> Array |
     return np.stack([angle / (2.0 * math.pi) * length, points[:, :, 2]], axis=2) - offset
 
 
-def length_round(mesh: Mesh, laid: HeightField | FrictionMap) -> float:
+def length_round(mesh: Mesh, laid: SampledMap) -> float:
     """Return how long a map is once round the z axis of a mesh, at the mean distance from it [m].
 
     If the map wraps, it is a whole number of its periods.

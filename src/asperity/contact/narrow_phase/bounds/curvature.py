@@ -208,14 +208,14 @@ def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
     patch, other : PATCH records
     over, over_other : TextureBounds
         Over the box, and over the part of the other patch that may lie under it.
-    half : tuple (float, float)
-        Half sides of the box [m].
+    half : tuple (float, float, float)
+        Half sides of the box [m], and what lowering the patch adds to f'' at most [1/m].
     bound : float
         Of order zero [m].
     at : OVERLAP record
         At the centre of the box.
     """
-    half_x, half_y = half
+    half_x, half_y, kappa = half
     radius = math.sqrt(half_x * half_x + half_y * half_y)
     side, side_other = over.lateral, over_other.lateral
     # How fast the place in (u, v) moves along a unit direction, at most and at least.
@@ -231,11 +231,10 @@ def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
         turn = _surface_bend(textures, other, over_other, 1.0) * radius * fastest
         turn *= (1.0 + math.sqrt(g1 * g1 + g2 * g2)) / (closest * closest)
     steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2) + turn
-    kappa = 0.0
     if patch.texture >= 0:
         facing = over.normal_z + g1 * over.normal_u + g2 * over.normal_v
         spread = steepness * over.normal_change + turn * side
-        kappa = _texture_bend(texture_size(textures, patch), over, facing, spread, steepness)
+        kappa += _texture_bend(texture_size(textures, patch), over, facing, spread, steepness)
     m11, m12, m22 = kappa, 0.0, kappa
     if patch.bulge > 0.0:
         c = patch.bulge / over.max_root
@@ -268,7 +267,7 @@ def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
         slack += _surface_bend(textures, other, over_other, side_other) * ratio * ratio
     slack *= 0.5 * radius * radius
     found = quadratic_bound((m11, m12, m22), half_x, half_y, bound, slack, at)
-    if patch.bulge > 0.0 or other.bulge > 0.0 or closest == 0.0:
+    if patch.bulge > 0.0 or other.bulge > 0.0 or closest == 0.0 or patch.stiffness_map >= 0:
         return found
     third = _third_order(textures, patch, other, over, over_other, fastest, closest)
     return _with_third(found, radius * third, half_x, half_y, bound, at)

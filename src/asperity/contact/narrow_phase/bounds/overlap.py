@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity.contact.narrow_phase.bounds.compliance import lowering_over
 from asperity.contact.narrow_phase.bounds.curvature import (
     EVALUATED,
     FINEST_OVERHANG,
@@ -223,6 +224,10 @@ def _textured_bound(textures, pair, box, base, threshold, search):
         )
     centre = (x, y, half_x, half_y)
     bound = _raised(textures, patch, other, over, over_other, base, centre)
+    bend = 0.0
+    if search.load > 0.0:
+        least, bend, _ = lowering_over(textures, patch, other, box, search)
+        bound -= least
     if bound <= threshold:
         return box_bound(bound, UNEVALUATED, bound, 0.0)
     overlap_at(textures, patch, other, x, y, search, at)
@@ -249,7 +254,9 @@ def _textured_bound(textures, pair, box, base, threshold, search):
     ):
         left = bound if radius > FINEST_OVERHANG else at.f
         return box_bound(left, EVALUATED, bound, 0.0)
-    return curvature_bound(textures, patch, other, over, over_other, (half_x, half_y), bound, at)
+    return curvature_bound(
+        textures, patch, other, over, over_other, (half_x, half_y, bend), bound, at
+    )
 
 
 @inner_kernel
@@ -263,7 +270,8 @@ def general_bound(textures, pair, box, threshold, search):
     base = base_bound(patch, other, pair.base_x, pair.base_y, box, pair.shift)
     if base[0] == -np.inf:
         return box_bound(-np.inf, UNEVALUATED, -np.inf, 0.0)
-    if patch.is_level and patch.mapping == PLANAR and patch.texture >= 0 and other.texture < 0:
+    is_level = patch.is_level and patch.mapping == PLANAR and patch.texture >= 0
+    if is_level and other.texture < 0 and search.load == 0.0:
         return _level_bound(textures, patch, other, box, base[0], threshold, search.at)
     return _textured_bound(textures, pair, box, base, threshold, search)
 

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity.contact.narrow_phase.bounds.compliance import lowering_over
 from asperity.contact.narrow_phase.bounds.curvature import (
     FINEST_OVERHANG,
     UNEVALUATED,
@@ -105,4 +106,6 @@ def plane_bound(textures, pair, box, bound, search):
         if not is_explicit:
             under = _narrowed(textures, other, under, radius * fastest, at)
         over_other = _over_box(textures, other, *under)
-    return curvature_bound(textures, patch, other, over, over_other, (half_x, half_y), bound, at)
+    bend = lowering_over(textures, patch, other, box, search)[1] if search.load > 0.0 else 0.0
+    half = (half_x, half_y, bend)
+    return curvature_bound(textures, patch, other, over, over_other, half, bound, at)

@@ -1,0 +1,28 @@
+"""Settings and bodies that some contact does not have, refused before it begins."""
+
+from __future__ import annotations
+
+from asperity.contact.response.settings import ForceSettings
+from asperity.errors import AsperityError
+
+
+def refuse_for_maps(settings: ForceSettings, tool: str | None, others: list[str | None]) -> None:
+    """Refuse maps of stiffness where they are not known; names are those of bodies with one."""
+    names = [name for name in (tool, *others) if name is not None]
+    if names:
+        refuse_laws(settings, f"where stiffness is a map, as that of body {names[0]!r}")
+    if tool is not None and len(names) > 1:
+        raise AsperityError(
+            f"stiffness of {names[0]!r} and of {names[1]!r}, which may touch, are maps; valid: a "
+            "map for one of them, a number for the other"
+        )
+
+
+def refuse_laws(settings: ForceSettings, where: str) -> None:
+    """Refuse laws and gradients that some contact does not have."""
+    for name, value, only in (
+        ("law", settings.law, "otaduy-lin"),
+        ("gradient", settings.gradient, "exact"),
+    ):
+        if value != only:
+            raise AsperityError(f"{where}, {name} must be {only!r}, got {value!r}")
