@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from inspect import signature
 
 from asperity.contact.deformable.elastic_solid import ElasticSolid
-from asperity.contact.soft.solids import refuse_friction_maps
+from asperity.contact.soft.solids import refuse_property_maps
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.scene.document import Table, arguments, at
@@ -75,7 +75,7 @@ def scene_elastic(document: Table, tool: str, bodies: Sequence[Body]) -> Elastic
     held = next(body for body in bodies if body.name == tool)
     if held.mesh is not None:
         raise AsperityError(f"{key}: the tool {tool!r} is a mesh; valid: a tool of simple geoms")
-    at(key, lambda: refuse_friction_maps(bodies))
+    at(key, lambda: refuse_property_maps(bodies))
     try:
         return ElasticSolid(own, **given)
     except AsperityError as error:
