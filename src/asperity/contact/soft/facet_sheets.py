@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from asperity._core.kernels import inner_kernel
+from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.soft.sheets import TRIPLANAR, texture_on
 from asperity.texture.packed import texture_slope
@@ -41,14 +41,28 @@ def where_on(facet, x, y):
     return place
 
 
-@inner_kernel
-def fill_local(facet, x, d, q_out, e_out):
-    """Fill a point (3,) and a direction (3,) of the geom's frame as seen from a facet's axes."""
-    for i in range(3):
-        q_out[i] = e_out[i] = 0.0
-        for j in range(3):
-            q_out[i] += facet.axes[i, j] * (x[j] - facet.origin[j])
-            e_out[i] += facet.axes[i, j] * d[j]
+@small_kernel
+def is_far(facet, x, y, margin):
+    """Return whether (x, y) is outside of a facet by more than a margin [m]."""
+    for k in range(facet.sides):
+        border = facet.borders[k]
+        if border[0] + border[1] * x + border[2] * y > border[3] + margin:
+            return True
+    return False
+
+
+@small_kernel
+def along_axis(facet, i, x):
+    """Return part `i` of a direction (3,) of the geom's frame in a facet's axes."""
+    axis = facet.axes[i]
+    return axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2]
+
+
+@small_kernel
+def from_origin(facet, i, x):
+    """Return part `i` of a point (3,) of the geom's frame in a facet's axes [m]."""
+    axis, at = facet.axes[i], facet.origin
+    return axis[0] * (x[0] - at[0]) + axis[1] * (x[1] - at[1]) + axis[2] * (x[2] - at[2])
 
 
 @inner_kernel
@@ -88,16 +102,12 @@ def _height(solids, g, facet, x, y, w):
 def facet_sheet(solids, g, facet, q, gradient_out, foot_out):
     """Return f at a point of a facet's axes (3,), and fill its gradient (3,) and its foot (2,)."""
     w = stack_array((3,))
-    if facet.is_level:
-        w[0] = w[1] = 0.0
-        w[2] = 1.0
-        foot_out[0], foot_out[1] = q[0], q[1]
-        t, t_x, t_y = _height(solids, g, facet, q[0], q[1], w)
-        gradient_out[0], gradient_out[1], gradient_out[2] = -t_x, -t_y, 1.0
-        return q[2] - t
-    x, y, h = _fill_foot(facet, q, w)
+    x, y, h = fill_foot(facet, q, w)
     foot_out[0], foot_out[1] = x, y
     t, t_x, t_y = _height(solids, g, facet, x, y, w)
+    if facet.is_level:
+        gradient_out[0], gradient_out[1], gradient_out[2] = -t_x, -t_y, 1.0
+        return h - t
     by_x, by_y = facet.w[1], facet.w[2]
     one, two = stack_array((3,)), stack_array((3,))
     size = along_x = along_y = 0.0
@@ -125,13 +135,16 @@ def facet_sheet(solids, g, facet, q, gradient_out, foot_out):
 
 
 @inner_kernel
-def _fill_foot(facet, q, w_out):
+def fill_foot(facet, q, w_out):
     """Return the foot (x, y) of a point and h, and fill w there (3,).
 
     The foot is linear in h, and h depends little on the foot.
     """
     w, h = facet.w, q[2]
-    x = y = 0.0
+    x, y = q[0], q[1]
+    if facet.is_level:
+        w_out[0], w_out[1], w_out[2] = 0.0, 0.0, 1.0
+        return x, y, h
     for _ in range(_FOOT_STEPS):
         a, b, c, d = 1.0 + h * w[1, 0], h * w[2, 0], h * w[1, 1], 1.0 + h * w[2, 1]
         right, up = q[0] - h * w[0, 0], q[1] - h * w[0, 1]

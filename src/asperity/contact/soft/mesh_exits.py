@@ -20,12 +20,15 @@ from asperity.contact.soft.facet_sheets import (
     NEAR,
     OUTSIDE,
     WITHIN,
+    along_axis,
     facet_sheet,
-    fill_local,
+    fill_foot,
+    from_origin,
+    is_far,
     where_on,
 )
 
-_ROOM = 24
+_ROOM = 48
 """Exits near hard edges along one ray; of more the first are kept."""
 _BEHIND = 1e-12
 """How far an exit may be in front of a neighbour's sheet [m]: where two meet it is on both."""
@@ -33,13 +36,19 @@ _BEHIND = 1e-12
 
 @small_kernel
 def _meets_box(node, x, over, grow, end):
-    """Return whether a ray meets a box within `end`; `over` (3,) is one over its direction."""
+    """Return whether a ray meets a box within `end`; `over` is one over its direction."""
     low, high = 0.0, end
     for i in range(3):
         middle = (node.middle[i] - x[i]) * over[i]
         half = (node.reach[i] + grow) * abs(over[i])
         low, high = max(low, middle - half), min(high, middle + half)
     return low <= high
+
+
+@small_kernel
+def _over(part):
+    """Return one over a part of a direction, a large number for 0."""
+    return 1.0 / part if abs(part) > 1e-300 else 1e300
 
 
 @inner_kernel
@@ -65,19 +74,24 @@ def _leave_facet(solids, g, facet, q, e, foot_out):
     """
     lowest, highest = solids.reach[g].lowest, solids.reach[g].highest
     low, high = (lowest - q[2]) / e[2], (highest - q[2]) / e[2]
-    begins, ends = _over_rectangle(facet, q, e, max(-lowest, highest))
-    if begins > high or ends < low:
-        return -np.inf
     aside = math.sqrt(max(1.0 - e[2] * e[2], 0.0))
     steep = facet.slope * (aside + facet.lean) + facet.lean
-    is_bracket = e[2] > steep
+    is_bracket, s = e[2] > steep, -q[2] / e[2]
+    most = max(-lowest, highest)
+    # From where the ray passes the plane to the foot.
+    if is_far(facet, q[0] + s * e[0], q[1] + s * e[1], most * (aside / e[2] + 2.0 * facet.lean)):
+        return -np.inf
     search = (is_bracket, facet.bend * aside * aside, e[2] + steep)
     if not facet.is_level:
         search = (is_bracket, facet.bend, 1.1 * (1.0 + facet.slope))
     if not is_bracket:
+        begins, ends = _over_rectangle(facet, q, e, most)
         low, high = max(low, begins), min(high, ends)
-    at, gradient = stack_array((3,)), stack_array((3,))
-    s, floor = 0.5 * (low + high) if is_bracket else high, low
+        s = high
+        if low > high:
+            return -np.inf
+    at, gradient, w = stack_array((3,)), stack_array((3,)), stack_array((3,))
+    floor = low
     for step in range(STEPS):
         for i in range(3):
             at[i] = q[i] + s * e[i]
@@ -92,17 +106,21 @@ def _leave_facet(solids, g, facet, q, e, foot_out):
             return -np.inf
     for i in range(3):
         at[i] = q[i] + s * e[i]
-    facet_sheet(solids, g, facet, at, gradient, foot_out)
+    foot_out[0], foot_out[1], _ = fill_foot(facet, at, w)
     return s
 
 
 @inner_kernel
 def _counts(meshes, solids, g, ray, found, count, c):
-    """Return whether exit `c` of those `found` (count, 3) near hard edges is on the surface."""
+    """Return whether exit `c` of those `found` (count, 3) near hard edges is on the surface.
+
+    1: it is; 0: it is in front of a neighbour that the ray enters; -1: of one that it leaves.
+    """
     x, d = ray
     s, number, place = found[c, 0], int(found[c, 1]), int(found[c, 2])
-    point, q, e = stack_array((3,)), stack_array((3,)), stack_array((3,))
+    point, q = stack_array((3,)), stack_array((3,))
     gradient, foot = stack_array((3,)), stack_array((2,))
+    answer = 1
     for i in range(3):
         point[i] = x[i] + s * d[i]
     own = meshes.facets[number]
@@ -110,18 +128,21 @@ def _counts(meshes, solids, g, ray, found, count, c):
         neighbour = meshes.neighbours[k]
         if neighbour.is_convex:
             facet = meshes.facets[neighbour.facet]
-            fill_local(facet, point, d, q, e)
+            for i in range(2, -1, -1):
+                q[i] = from_origin(facet, i, point)
             if q[2] <= solids.reach[g].lowest:
                 continue
             front = facet_sheet(solids, g, facet, q, gradient, foot)
             if front > _BEHIND and where_on(facet, foot[0], foot[1]) != OUTSIDE:
-                return False
+                answer = -1
+                if along_axis(facet, 2, d) < 0.0:
+                    return 0
         elif place == BEYOND:
             # What lies over the edge has an exit of its own, as at the step between two textures.
             for other in range(count):
                 if int(found[other, 1]) == neighbour.facet and found[other, 2] >= NEAR:
-                    return False
-    return True
+                    return 0
+    return answer
 
 
 @small_kernel
@@ -155,54 +176,62 @@ def leave_mesh(meshes, solids, g, x, d, layer):
     """
     if meshes is None:
         return 0.0, -1
-    over, waiting = stack_array((3,)), stack_array((64,))
     q, e, foot = stack_array((3,)), stack_array((3,)), stack_array((2,))
     found, count = stack_array((_ROOM, 3)), 0
-    for i in range(3):
-        over[i] = 1.0 / d[i] if abs(d[i]) > 1e-300 else 1e300
+    over = (_over(d[0]), _over(d[1]), _over(d[2]))
     is_smooth = solids.geometry.texture[solids.geometry.surface[g]] < 0
     entered, best, end = np.inf, (0.0, -1, np.inf, -1), 2.0 * layer
-    waiting[0], size = meshes.root[g], 1
-    while size:
-        size -= 1
-        node = meshes.nodes[int(waiting[size])]
-        if not _meets_box(node, x, over, meshes.grow[g], end):
+    at, grow = meshes.root[g], meshes.grow[g]
+    stop = meshes.nodes[at].after
+    while at < stop:
+        node = meshes.nodes[at]
+        if not _meets_box(node, x, over, grow, end):
+            at = node.after
             continue
-        if node.child >= 0:
-            waiting[size], waiting[size + 1] = node.child, node.child + 1
-            size += 2
-            continue
+        at += 1
         for number in range(node.first, node.last):
             facet = meshes.facets[number]
-            fill_local(facet, x, d, q, e)
-            if abs(e[2]) <= PARALLEL:
+            rate, gap = along_axis(facet, 2, d), from_origin(facet, 2, x)
+            if abs(rate) <= PARALLEL:
                 continue
-            s, place = -q[2] / e[2], WITHIN
-            if e[2] < 0.0 or is_smooth:
-                if not 0.0 < s < end:
-                    continue
-                place = where_on(facet, q[0] + s * e[0], q[1] + s * e[1])
-                if e[2] < 0.0:
-                    if place >= NEAR:
-                        entered = min(entered, s)
-                    continue
-            else:
+            s, place = -gap / rate, WITHIN
+            is_sheet = rate > 0.0 and not is_smooth
+            slack = grow / rate if is_sheet else 0.0
+            if not -slack < s < end + slack:
+                continue
+            for i in range(2):
+                q[i], e[i] = from_origin(facet, i, x), along_axis(facet, i, d)
+            if is_sheet:
+                q[2], e[2] = gap, rate
                 s = _leave_facet(solids, g, facet, q, e, foot)
                 if not 0.0 < s < end:
                     continue
-                place = where_on(facet, foot[0], foot[1])
+            else:
+                foot[0], foot[1] = q[0] + s * e[0], q[1] + s * e[1]
+            place = where_on(facet, foot[0], foot[1])
             if place == OUTSIDE:
                 continue
-            if place == WITHIN and not facet.has_corners:
+            if rate < 0.0:
+                if place >= NEAR:
+                    entered = min(entered, s)
+            elif place == WITHIN and not facet.has_corners:
                 best = _later(s, number, layer, best)
             elif count < _ROOM:
                 found[count, 0], found[count, 1], found[count, 2] = s, number, place
                 count += 1
+    nearest, by = np.inf, -1
     for c in range(count):
-        if _counts(meshes, solids, g, (x, d), found, count, c):
-            best = _later(found[c, 0], int(found[c, 1]), layer, best)
+        s, number = found[c, 0], int(found[c, 1])
+        answer = _counts(meshes, solids, g, (x, d), found, count, c)
+        if answer > 0:
+            best = _later(s, number, layer, best)
+        elif answer < 0 and s < nearest:
+            nearest, by = s, number
+    if by >= 0 and best[1] < 0 and best[3] < 0:
+        # The sheets do not meet within their reach: the first that it leaves.
+        best = _later(nearest, by, layer, best)
     last, by, first, by_first = best
-    if first <= entered and by_first >= 0:
+    if by_first >= 0 and first <= entered:
         return first, by_first
     return last, by
 
@@ -214,7 +243,8 @@ def normal_of_mesh(meshes, solids, g, number, x, normal_out):
         return
     q, e, foot = stack_array((3,)), stack_array((3,)), stack_array((2,))
     facet = meshes.facets[number]
-    fill_local(facet, x, x, q, e)
+    for i in range(3):
+        q[i] = from_origin(facet, i, x)
     facet_sheet(solids, g, facet, q, e, foot)
     for i in range(3):
         normal_out[i] = 0.0

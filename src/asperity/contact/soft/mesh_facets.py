@@ -67,9 +67,7 @@ def mesh_facets(
     own = geometry._replace(body=np.arange(len(geoms)), surface=geometry.surface[geoms])
     table = facet_table(meshes, textures, own)
     root, grow = np.full(len(geometry.kind), -1), np.zeros(len(geometry.kind))
-    facets, nodes = np.zeros(len(table.sides), FACET), np.zeros(len(table.child), NODE)
-    for name in ("middle", "reach", "child", "first", "last"):
-        nodes[name] = getattr(table, name)
+    facets, nodes = np.zeros(len(table.sides), FACET), _nodes(table)
     tree = np.searchsorted(table.root, np.arange(len(nodes)), side="right") - 1
     nodes["middle"] -= geometry.position[geoms][tree]
     neighbours, count = [], 0
@@ -90,6 +88,28 @@ def mesh_facets(
         root[g] = start
         grow[g] = height + facets["borders"][mine, :, 3].max() + rims.close
     return MeshFacets(facets, nodes, np.concatenate(neighbours), root, grow)
+
+
+def _nodes(table: FacetTable) -> NDArray[np.void]:
+    """Return the boxes of trees as `NODE` records, in the order in which they are visited."""
+    size, order = np.ones(len(table.child), dtype=np.int64), []
+    for node in reversed(range(len(size))):
+        child = table.child[node]
+        if child >= 0:  # children come after their parents
+            size[node] += size[child] + size[child + 1]
+    for root in table.root:
+        waiting = [root]
+        while waiting:
+            node = waiting.pop()
+            order.append(node)
+            if table.child[node] >= 0:
+                waiting += [table.child[node] + 1, table.child[node]]
+    nodes = np.zeros(len(order), NODE)
+    for name in ("middle", "reach", "first", "last"):
+        nodes[name] = getattr(table, name)[order]
+    nodes["after"] = np.arange(len(order)) + size[order]
+    nodes["first"] = np.where(table.child[order] >= 0, nodes["last"], nodes["first"])
+    return nodes
 
 
 def _rims(table: FacetTable, mine: Mask, body: Body, middle: Array) -> Rims:

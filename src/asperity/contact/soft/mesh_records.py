@@ -36,13 +36,13 @@ NODE = np.dtype(
     [
         ("middle", "f8", 3),  # [m]
         ("reach", "f8", 3),  # half sides [m]
-        ("child", "i8"),  # first of two, -1: a leaf
-        ("first", "i8"),  # facets
+        ("after", "i8"),  # the next box that is not within it
+        ("first", "i8"),  # of the facets of a leaf, and one past the last; the same otherwise
         ("last", "i8"),
     ],
     align=True,
 )
-"""A box round facets, in the geom's frame."""
+"""A box round facets, in the geom's frame. Those within it follow it."""
 
 NEIGHBOUR = np.dtype([("facet", "i8"), ("is_convex", "?")], align=True)
 """A facet that another one touches along an edge or at a corner, and whether outwards."""
@@ -58,6 +58,6 @@ class MeshFacets(NamedTuple):
     neighbours: NDArray[np.void]
     """`NEIGHBOUR` records."""
     root: Indices
-    """Root of the tree of each geom that is a mesh, (geoms,)."""
+    """First box of each geom that is a mesh, (geoms,)."""
     grow: Array
     """How far the textured surface may be out of the boxes of a geom [m], (geoms,)."""
