@@ -114,35 +114,43 @@ def _leave_facet(solids, g, facet, q, e, foot_out):
 def _counts(meshes, solids, g, ray, found, count, c):
     """Return whether exit `c` of those `found` (count, 3) near hard edges is on the surface.
 
-    1: it is; 0: it is in front of a neighbour that the ray enters; -1: of one that it leaves.
+    1: it is; 0: it is not; -1: it is in front of a neighbour, behind which the ray starts.
     """
     x, d = ray
     s, number, place = found[c, 0], int(found[c, 1]), int(found[c, 2])
     point, q = stack_array((3,)), stack_array((3,))
     gradient, foot = stack_array((3,)), stack_array((2,))
-    answer = 1
+    # Over an edge it is the neighbours' ground: where none of them is, there is another surface.
+    answer, is_met = 1, place != BEYOND
     for i in range(3):
         point[i] = x[i] + s * d[i]
     own = meshes.facets[number]
     for k in range(own.first, own.last):
         neighbour = meshes.neighbours[k]
-        if neighbour.is_convex:
-            facet = meshes.facets[neighbour.facet]
-            for i in range(2, -1, -1):
-                q[i] = from_origin(facet, i, point)
-            if q[2] <= solids.reach[g].lowest:
-                continue
-            front = facet_sheet(solids, g, facet, q, gradient, foot)
-            if front > _BEHIND and where_on(facet, foot[0], foot[1]) != OUTSIDE:
-                answer = -1
-                if along_axis(facet, 2, d) < 0.0:
-                    return 0
-        elif place == BEYOND:
-            # What lies over the edge has an exit of its own, as at the step between two textures.
+        facet = meshes.facets[neighbour.facet]
+        q[2] = from_origin(facet, 2, point)
+        if place != BEYOND and not neighbour.is_convex:
+            continue
+        if is_met and neighbour.is_convex and q[2] <= solids.reach[g].lowest:
+            continue
+        for i in range(2):
+            q[i] = from_origin(facet, i, point)
+        front = facet_sheet(solids, g, facet, q, gradient, foot)
+        if where_on(facet, foot[0], foot[1]) == OUTSIDE:
+            continue
+        is_met = True
+        if not neighbour.is_convex:
+            # It has an exit of its own, as at the step between two textures.
             for other in range(count):
                 if int(found[other, 1]) == neighbour.facet and found[other, 2] >= NEAR:
                     return 0
-    return answer
+        elif front > _BEHIND:
+            for i in range(3):
+                q[i] = from_origin(facet, i, x)
+            if facet_sheet(solids, g, facet, q, gradient, foot) > 0.0:
+                return 0
+            answer = -1
+    return answer if is_met else 0
 
 
 @small_kernel
