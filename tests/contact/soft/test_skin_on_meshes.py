@@ -40,7 +40,7 @@ def cases():
     rough, flat = bumps(5, 6e-5), turned(0.0, 0.0, 0.3)
     yield "a smooth ball", body_of(ball(cuts=2)), TURN
     yield "a rough ball", body_of(ball(cuts=3), rough), TURN
-    yield "a ball of facets", body_of(ball(cuts=2, hard_angle=0.0), rough), TURN
+    yield "a ball of facets", body_of(ball(cuts=2, hard_angle=0.0), bumps(5, 2e-5)), TURN
     yield "seams", body_of(ball_with_seams(), rough, "uv"), turned(0.5 * np.pi, 0.2, 0.1)
     yield "an edge", body_of(box(HALF), rough), turned(0.25 * np.pi, 0.0, 0.0)
     yield "an edge of a planar map", body_of(box(HALF), rough, "planar"), turned(0.6, 0.05, 0.1)

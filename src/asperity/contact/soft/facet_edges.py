@@ -6,7 +6,7 @@ heights within +-R, their displaced planes meet at most
 
     R (1 + |cos phi|) / sin phi
 
-beside the edge; a facet reaches no farther than 4 R, which is that for 28 degrees.
+beside the edge; a facet reaches no farther than 2 R, enough from 53 degrees on.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from asperity._core.arrays import Array, Indices, Mask
 from asperity.geometry.mesh.checks import SAME_PLACE, same_places
 
-_FARTHEST = 4.0
+_FARTHEST = 2.0
 """Largest reach over a border, over the height of the texture [-]."""
 _ALIKE = 1e-6
 """Difference of unit normals that counts as none."""
