@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from soft_sheets import TURN, sheet, soft_slab, surface_on, wavy
-from solid_meshes import ball, ball_with_seams, body_of, box
 
 from asperity.contact.deformable.elastic_contact import ElasticContact
 from asperity.contact.deformable.surface_contact import SurfaceContact
@@ -12,6 +11,7 @@ from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.geometry.poses import rotated, rotation_of
 from rough_maps import bumps
+from solid_meshes import ball, ball_with_seams, body_of, box
 
 HALF = (5e-3, 4e-3, 3e-3)
 CENTRE = (1e-3, 2e-3, 3e-3)
@@ -108,7 +108,9 @@ def test_an_elastic_body_yields_to_a_mesh_as_to_a_box():
     np.testing.assert_allclose(found[1], found[0], atol=1e-6 * np.abs(found[0]).max())
 
 
-def test_open_meshes_are_refused():
+def test_what_cannot_be_met_is_refused():
+    with pytest.raises(AsperityError, match="rigid bodies, got a DeformableSurface"):
+        SurfaceContact(surface_on(sheet(5)), [surface_on(sheet(5))])
     closed = box(HALF)
     opened = body_of(mesh_from_arrays(closed.vertices, closed.faces[1:]), name="bowl")
     with pytest.raises(AsperityError, match="'bowl' is open, with 3 border edges"):

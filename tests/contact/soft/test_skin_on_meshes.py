@@ -1,8 +1,9 @@
 """A soft skin on rigid meshes: the same as on geoms, one energy, and no cracks at hard edges."""
 
+import itertools
+
 import numpy as np
 import pytest
-from solid_meshes import ball, ball_with_seams, body_of, box, cylinder, step
 
 from asperity.contact.soft.skin import SoftSkin
 from asperity.contact.soft.skin_contact import SkinContact
@@ -11,6 +12,7 @@ from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.geometry.poses import rotated, rotation_of
 from rough_maps import bumps
+from solid_meshes import ball, ball_with_seams, body_of, box, cylinder, step
 
 AT_REST = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 TURN = (0.9, 0.3, -0.2, np.sqrt(1.0 - 0.94))
@@ -170,7 +172,7 @@ def test_the_energy_does_not_leap_along_a_path(body, turn):
 
     places = [at(s) for s in np.linspace(0.0, 1.0, 121)]
     most = max(place[2] for place in places)
-    leaps = [left(*pair) for pair in zip(places, places[1:], strict=False)]
+    leaps = [left(*pair) for pair in itertools.pairwise(places)]
     for k in np.argsort(leaps)[-4:]:
         one, two = places[k], places[k + 1]
         for _ in range(16):
@@ -214,6 +216,6 @@ def test_what_is_refused_is_named_in_one_line():
     opened = mesh_from_arrays(closed.vertices, closed.faces[:-2])
     with pytest.raises(AsperityError, match=r"'lid' is open, with 4 border edges.*closed") as one:
         SkinContact(flat_skin(), [body_of(opened, name="lid")])
-    with pytest.raises(AsperityError, match="'lid' is a mesh.*DeformableSurface") as other:
+    with pytest.raises(AsperityError, match=r"'lid' is a mesh.*DeformableSurface") as other:
         SoftSkin(body_of(closed, name="lid"), 1e-3, 1e5)
     assert "\n" not in str(one.value) + str(other.value)

@@ -116,7 +116,7 @@ def _shared_sides(
            if i != j]  # fmt: skip
     pairs = np.array(one, dtype=np.int64).reshape(-1, 2)
     first, last = start[pairs[:, 0]], end[pairs[:, 0]]
-    # What is left are sides of which parts lie on each other, where large polygons end.
+    # Of the other sides parts lie on each other, where large polygons end.
     left = np.flatnonzero(times[edge] == 1)
     more = [(pairs, first, last)]
     for i in left:

@@ -140,7 +140,7 @@ def _counts(meshes, solids, g, ray, found, count, c):
             continue
         is_met = True
         if not neighbour.is_convex:
-            # It has an exit of its own, as at the step between two textures.
+            # It has its own exit, as at the step between two textures.
             for other in range(count):
                 if int(found[other, 1]) == neighbour.facet and found[other, 2] >= NEAR:
                     return 0

@@ -19,7 +19,19 @@ from asperity.texture.packed import PackedTextures
 
 
 def solids_of(bodies: Sequence[Body], poses: Sequence[Array]) -> Solids:
-    """Return the geoms and textures of bodies at their poses (7,)."""
+    """Return the geoms, meshes and textures of bodies at their poses (7,).
+
+    Raises
+    ------
+    AsperityError
+        A body is not rigid, has a map of friction, or an open mesh.
+    """
+    for body in bodies:
+        if not isinstance(body, Body):
+            raise AsperityError(
+                f"a soft layer meets rigid bodies, got a {type(body).__name__}; two surfaces that "
+                "both yield do not meet each other"
+            )
     refuse_friction_maps(bodies)
     bodies = [as_one_geom(body) for body in bodies]
     textures, geometry = flatten_bodies(bodies)
