@@ -138,12 +138,17 @@ def _counts(meshes, solids, g, ray, found, count, c):
         front = facet_sheet(solids, g, facet, q, gradient, foot)
         if where_on(facet, foot[0], foot[1]) == OUTSIDE:
             continue
-        is_met = True
+        is_met, exit_there, place_there = True, -1.0, OUTSIDE
+        for other in range(count):
+            if int(found[other, 1]) == neighbour.facet:
+                exit_there, place_there = found[other, 0], int(found[other, 2])
         if not neighbour.is_convex:
             # It has its own exit, as at the step between two textures.
-            for other in range(count):
-                if int(found[other, 1]) == neighbour.facet and found[other, 2] >= NEAR:
-                    return 0
+            if place_there >= NEAR:
+                return 0
+        elif exit_there > 0.0:  # bumps that the ray goes through before count for neither
+            if exit_there < s:
+                answer = -1
         elif front > _BEHIND:
             for i in range(3):
                 q[i] = from_origin(facet, i, x)
