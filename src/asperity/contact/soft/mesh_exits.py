@@ -111,10 +111,28 @@ def _leave_facet(solids, g, facet, q, e, foot_out):
 
 
 @inner_kernel
+def _starts_in_front(meshes, solids, g, x, number):
+    """Return whether a ray starts in front of a neighbour of a facet, over an edge outwards."""
+    q, gradient, foot = stack_array((3,)), stack_array((3,)), stack_array((2,))
+    own = meshes.facets[number]
+    for k in range(own.first, own.last):
+        neighbour = meshes.neighbours[k]
+        if not neighbour.is_convex:
+            continue
+        facet = meshes.facets[neighbour.facet]
+        for i in range(3):
+            q[i] = from_origin(facet, i, x)
+        front = facet_sheet(solids, g, facet, q, gradient, foot)
+        if front > 0.0 and where_on(facet, foot[0], foot[1]) != OUTSIDE:
+            return True
+    return False
+
+
+@inner_kernel
 def _counts(meshes, solids, g, ray, found, count, c):
     """Return whether exit `c` of those `found` (count, 3) near hard edges is on the surface.
 
-    1: it is; 0: it is not; -1: it is in front of a neighbour, behind which the ray starts.
+    1: it is; 0: it is not; -1: it is in front of a neighbour, but the ray starts behind all.
     """
     x, d = ray
     s, number, place = found[c, 0], int(found[c, 1]), int(found[c, 2])
@@ -150,11 +168,9 @@ def _counts(meshes, solids, g, ray, found, count, c):
             if exit_there < s:
                 answer = -1
         elif front > _BEHIND:
-            for i in range(3):
-                q[i] = from_origin(facet, i, x)
-            if facet_sheet(solids, g, facet, q, gradient, foot) > 0.0:
-                return 0
             answer = -1
+    if answer < 0 and _starts_in_front(meshes, solids, g, x, number):
+        return 0
     return answer if is_met else 0
 
 
