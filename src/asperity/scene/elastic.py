@@ -48,7 +48,7 @@ def scene_elastic(document: Table, tool: str, bodies: Sequence[Body]) -> Elastic
     Raises
     ------
     AsperityError
-        A key or a value is wrong, the tool is a mesh, or there is a skin, a second elastic body or
+        A key or a value is wrong, or there is a skin, a second elastic body or
         another body beside the tool and the elastic one.
     """
     parts = document.get("bodies", {})
@@ -72,9 +72,6 @@ def scene_elastic(document: Table, tool: str, bodies: Sequence[Body]) -> Elastic
             'leave it out, or have it only seen (contype="0" conaffinity="0")'
         )
     own = next(body for body in bodies if body.name == name)
-    held = next(body for body in bodies if body.name == tool)
-    if held.mesh is not None:
-        raise AsperityError(f"{key}: the tool {tool!r} is a mesh; valid: a tool of simple geoms")
     at(key, lambda: refuse_property_maps(bodies))
     try:
         return ElasticSolid(own, **given)

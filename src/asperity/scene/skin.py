@@ -45,8 +45,8 @@ def scene_skin(document: Table, tool: str, bodies: Sequence[Body]) -> SoftSkin |
     Raises
     ------
     AsperityError
-        A key or a value is wrong, a body is a mesh, or there are two skins, or a body beside the
-        tool and one with a skin.
+        A key or a value is wrong, the body with the skin is a mesh, or there are two skins, or a
+        body beside the tool and one with a skin.
     """
     tables = {"tool.skin": (tool, document["tool"].get("skin"))}
     for name, part in document.get("bodies", {}).items():
@@ -62,11 +62,6 @@ def scene_skin(document: Table, tool: str, bodies: Sequence[Body]) -> SoftSkin |
     given = arguments({k: v for k, v in table.items() if k != "lumps"}, key, _keys)
     if "lumps" in table:
         given["lumps"] = _lumps(table["lumps"], f"{key}.lumps")
-    for body in bodies:
-        if body.mesh is not None:
-            raise AsperityError(
-                f"{key}: body {body.name!r} is a mesh; a skin and what it meets are of simple geoms"
-            )
     at(key, lambda: refuse_property_maps(bodies))
     others = [body.name for body in bodies if body.name not in (bearer, tool)]
     if bearer == tool and not others:

@@ -61,12 +61,6 @@ def test_a_collapsed_triangle():
     assert not contact.forces.any()
 
 
-def test_a_mesh_is_not_met():
-    block = Body("block", [Geom("mesh", (1.0, 1.0, 1.0))], mesh=sheet(3))
-    with pytest.raises(AsperityError, match="'block' is a mesh"):
-        SurfaceContact(surface_on(sheet(3)), [block])
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -55,7 +55,7 @@ class ElasticContact:
     surface : DeformableSurface
         On the mesh of the body.
     bodies : sequence of Body
-        What it meets; of simple geoms.
+        What it meets; meshes have to be closed.
     damping : float
         Damping ratio zeta of each mode, 0 to 10.
     centres : (bodies, 3), optional

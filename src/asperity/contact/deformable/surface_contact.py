@@ -22,7 +22,7 @@ _IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 class SurfaceContact:
-    """A deformable surface among rigid bodies of simple geoms.
+    """A deformable surface among rigid bodies.
 
     The energy is `U = sum a w(delta)` over the taxels, as that of `SkinContact`, of the places of
     all vertices and the poses of all bodies. `forces` are minus its gradient with respect to the
@@ -32,7 +32,7 @@ class SurfaceContact:
     ----------
     surface : DeformableSurface
     bodies : sequence of Body
-        What it meets; of simple geoms, textured or smooth.
+        What it meets, textured or smooth; meshes have to be closed.
     centres : (bodies, 3), optional
         Points about which torques on the bodies are, in their frames [m]; by default their origins.
     leap : float, optional
@@ -42,7 +42,7 @@ class SurfaceContact:
     Raises
     ------
     AsperityError
-        A body is a mesh, or there is none.
+        A mesh is open, or there is no body.
 
     Examples
     --------
@@ -61,12 +61,6 @@ class SurfaceContact:
         centres: ArrayLike | None = None,
         leap: float | None = None,
     ) -> None:
-        for body in bodies:
-            if body.mesh is not None:
-                raise AsperityError(
-                    f"body {body.name!r} is a mesh; a deformable surface meets bodies of simple "
-                    "geoms"
-                )
         if not bodies:
             raise AsperityError("a surface needs one body at least to meet; got none")
         self.surface, self._leap = surface, leap

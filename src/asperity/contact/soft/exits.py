@@ -30,8 +30,9 @@ from asperity.texture.packed import texture_slope
 
 _CLOSE = 1e-13
 """Largest error of a zero [m]."""
-_STEPS = 400
-_PARALLEL = 1e-12
+STEPS = 400
+PARALLEL = 1e-12
+"""Sine below which a ray is along a plane."""
 
 
 @inner_kernel
@@ -57,7 +58,7 @@ def _tube_chord(x, d, radius):
     """Return where a ray enters and leaves an endless tube about z."""
     across = d[0] * d[0] + d[1] * d[1]
     square = x[0] * x[0] + x[1] * x[1] - radius * radius
-    if across < _PARALLEL:
+    if across < PARALLEL:
         return (-np.inf, np.inf) if square <= 0.0 else (np.inf, -np.inf)
     return _chord(across, x[0] * d[0] + x[1] * d[1], square)
 
@@ -95,7 +96,7 @@ def _curved_chord(kind, size, x, d, offset):
 
 
 @small_kernel
-def _advance(s, value, rate, low, high, search):
+def advance(s, value, rate, low, high, search):
     """Return the next s, the bracket, and whether s is the zero; s below `low` where there is none.
 
     `search` holds whether f rises between `low` and `high`, and bounds of its second derivative and
@@ -130,12 +131,12 @@ def _last_zero(solids, g, face, x, d, ends, search):
     low, high = ends
     s = 0.5 * (low + high) if search[0] else high
     floor = low
-    for _ in range(_STEPS):
+    for _ in range(STEPS):
         for i in range(3):
             at[i] = x[i] + s * d[i]
         value = sheet_at(solids, g, face, at, normal)
         rate = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2]
-        s, low, high, is_found = _advance(s, value, rate, low, high, search)
+        s, low, high, is_found = advance(s, value, rate, low, high, search)
         if is_found:
             return s
         if s < floor:
@@ -152,10 +153,10 @@ def _last_zero_planar(textures, k, line, low, high, search):
     gap, u, v, straight, du, dv = line
     s = 0.5 * (low + high) if search[0] else high
     floor = low
-    for _ in range(_STEPS):
+    for _ in range(STEPS):
         t, t_u, t_v = texture_slope(textures, k, u + s * du, v + s * dv)
         value, rate = gap + s * straight - t, straight - t_u * du - t_v * dv
-        s, low, high, is_found = _advance(s, value, rate, low, high, search)
+        s, low, high, is_found = advance(s, value, rate, low, high, search)
         if is_found:
             return s
         if s < floor:
@@ -230,9 +231,9 @@ def exit_of(solids, g, x, d, layer):
             sign = 1.0 if face & 1 else -1.0
             rate = sign * d[face >> 1]
             gap = sign * x[face >> 1] - half_length(kind, size, face >> 1) - high
-            if rate > _PARALLEL:
+            if rate > PARALLEL:
                 ends = min(ends, -gap / rate)
-            elif rate < -_PARALLEL:
+            elif rate < -PARALLEL:
                 begins = max(begins, -gap / rate)
             elif gap > 0.0:
                 return 0.0, first
@@ -250,7 +251,7 @@ def exit_of(solids, g, x, d, layer):
         for face in range(first, 6):
             axis, sign = face >> 1, 1.0 if face & 1 else -1.0
             rate, gap = sign * d[axis], sign * x[axis] - half_length(kind, size, axis)
-            if rate <= _PARALLEL or (low - gap) / rate > min(found, ends) + _CLOSE:
+            if rate <= PARALLEL or (low - gap) / rate > min(found, ends) + _CLOSE:
                 continue
             s = _leave_flat(solids, g, face, x, d, gap, rate)
             if s < found:

@@ -21,7 +21,8 @@ from asperity._core.kernels import inner_kernel, kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.soft.exits import exit_of
 from asperity.contact.soft.layer import layer_pressure
-from asperity.contact.soft.sheets import lift, sheet_at
+from asperity.contact.soft.mesh_exits import leave_mesh, normal_of_mesh
+from asperity.contact.soft.sheets import MESH, lift, sheet_at
 
 SLIP_SPEED = 5e-3
 """Speed v0 of the regularised friction [m/s]; project default."""
@@ -179,6 +180,8 @@ def fill_relative(frames, pose, relative_out):
 def deepest(solids, relative, taxels, t, x_out, d_out):
     """Return how far a taxel is pressed in, by which geom, -1 for none, and by which sheet of it.
 
+    Of a mesh: by which facet.
+
     Fills where the ray leaves that geom, and the ray's direction, in the geom's frame (3,).
     """
     depth, hit, face, thickness = 0.0, -1, 0, taxels.thickness[t]
@@ -189,7 +192,10 @@ def deepest(solids, relative, taxels, t, x_out, d_out):
             for j in range(3):
                 x[i] += relative[g, i, j] * taxels.point[t, j]
                 d[i] += relative[g, i, j] * taxels.inwards[t, j]
-        s, by = exit_of(solids, g, x, d, thickness)
+        if solids.geometry.kind[g] == MESH:
+            s, by = leave_mesh(solids.meshes, solids, g, x, d, thickness)
+        else:
+            s, by = exit_of(solids, g, x, d, thickness)
         if s > depth and s < 2.0 * thickness:
             depth, hit, face = s, g, by
             for i in range(3):
@@ -205,7 +211,10 @@ def fill_exit(solids, g, face, ray, point_out, m_out):
     """
     x, d = ray
     normal, frame = stack_array((3,)), solids.frames[g]
-    sheet_at(solids, g, face, x, normal)
+    if solids.geometry.kind[g] == MESH:
+        normal_of_mesh(solids.meshes, solids, g, face, x, normal)
+    else:
+        sheet_at(solids, g, face, x, normal)
     rate = max(normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2], GRAZING)
     for i in range(3):
         m_out[i], point_out[i] = 0.0, frame[i, 3]

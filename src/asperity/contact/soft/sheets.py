@@ -21,13 +21,14 @@ from asperity._core.arrays import Array
 from asperity._core.kernels import inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.body_arrays import Geometry
+from asperity.contact.soft.mesh_records import MeshFacets
 from asperity.texture.packed import PackedTextures, texture_slope
 
-PLANE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX = range(6)
+PLANE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(7)
 """Indices into `geometry.bodies.KINDS`."""
 CURVED = -1
 """The curved sheet of a solid; flat ones are 2 axis + (1 for the positive side)."""
-PLANAR, _CYLINDRICAL, _TRIPLANAR = range(3)
+PLANAR, _CYLINDRICAL, TRIPLANAR = range(3)
 """Indices into `geometry.bodies.MAPPINGS`."""
 _NEGLIGIBLE = 1e-12
 """Weight of a triplanar map that is left out, as in the search for depths."""
@@ -47,6 +48,8 @@ class Solids(NamedTuple):
     """Rotation and position in the world, (geoms, 3, 4)."""
     bound: Array
     """Radius of a ball round each geom's middle that holds its textured surface [m], (geoms,)."""
+    meshes: MeshFacets | None
+    """Facets of the geoms that are meshes; None without any."""
 
 
 @inner_kernel
@@ -83,7 +86,7 @@ def texture_on(solids, g, on_side, base, w, by_base, by_normal):
     turn, at = geometry.rotation[g], geometry.position[g]
     x = turn[0, 0] * base[0] + turn[0, 1] * base[1] + turn[0, 2] * base[2] + at[0]
     y = turn[1, 0] * base[0] + turn[1, 1] * base[1] + turn[1, 2] * base[2] + at[1]
-    if mapping != _TRIPLANAR:
+    if mapping != TRIPLANAR:
         t, t_u, t_v = texture_slope(textures, k, x - origin_u, y - origin_v)
         for i in range(3):
             by_base[i] = t_u * turn[0, i] + t_v * turn[1, i]

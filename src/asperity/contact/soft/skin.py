@@ -136,8 +136,9 @@ class SoftSkin:
             require_finite("middle", self.middle, 3)
         if self.body.mesh is not None:
             raise AsperityError(
-                f"body {self.body.name!r} is a mesh; a skin needs one of simple geoms (spheres, "
-                "capsules, ellipsoids, cylinders, boxes, planes)"
+                f"body {self.body.name!r} is a mesh; a soft skin needs one of simple geoms "
+                "(spheres, capsules, ellipsoids, cylinders, boxes, planes), and DeformableSurface "
+                "makes a mesh soft"
             )
         if not len(self.arrays.area):
             raise AsperityError(

@@ -34,7 +34,7 @@ class SkinContact:
     ----------
     skin : SoftSkin
     bodies : sequence of Body
-        What it meets; of simple geoms.
+        What it meets; meshes have to be closed.
     poses : sequence of (7,), optional
         Of the bodies' frames: position [m], unit quaternion wxyz. By default all are the world's.
     centre : (3,)
@@ -43,7 +43,7 @@ class SkinContact:
     Raises
     ------
     AsperityError
-        A body is a mesh, or poses or centre are not finite.
+        A mesh is open, or poses or centre are not finite.
 
     Examples
     --------
@@ -61,11 +61,6 @@ class SkinContact:
         *,
         centre: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
-        for body in bodies:
-            if body.mesh is not None:
-                raise AsperityError(
-                    f"body {body.name!r} is a mesh; a soft skin meets bodies of simple geoms"
-                )
         if not bodies:
             raise AsperityError("a skin needs one body at least to meet; got none")
         self.skin = skin

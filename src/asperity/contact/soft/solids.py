@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from asperity._core.arrays import Array
 from asperity.contact.body_arrays import Geometry, flatten_bodies
 from asperity.contact.broad_phase.geom_pairs import radius_around
-from asperity.contact.soft.sheets import BOX, PLANE, REACH, Solids
+from asperity.contact.soft.mesh_facets import as_one_geom, mesh_facets
+from asperity.contact.soft.sheets import BOX, MESH, PLANE, REACH, Solids
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import KINDS, MAPPINGS, Body
 from asperity.geometry.poses import rotation_of
@@ -18,11 +19,29 @@ from asperity.texture.packed import PackedTextures
 
 
 def solids_of(bodies: Sequence[Body], poses: Sequence[Array]) -> Solids:
-    """Return the geoms and textures of bodies at their poses (7,)."""
+    """Return the geoms, meshes and textures of bodies at their poses (7,).
+
+    Raises
+    ------
+    AsperityError
+        A body is not rigid, has a map of friction or stiffness, or an open mesh.
+    """
+    for body in bodies:
+        if not isinstance(body, Body):
+            raise AsperityError(
+                f"a soft layer meets rigid bodies, got a {type(body).__name__}; two surfaces that "
+                "both yield do not meet each other"
+            )
     refuse_property_maps(bodies)
+    bodies = [as_one_geom(body) for body in bodies]
     textures, geometry = flatten_bodies(bodies)
     reach, frames = _reach(textures, geometry), np.empty((len(geometry.kind), 3, 4))
-    solids = Solids(textures, geometry, reach, frames, _bound(geometry, reach))
+    meshes = mesh_facets(bodies, textures, geometry, reach)
+    bound = _bound(geometry, reach)
+    if meshes is not None:
+        of_mesh = geometry.kind == MESH
+        bound[of_mesh] = np.linalg.norm(geometry.size[of_mesh], axis=1) + meshes.grow[of_mesh]
+    solids = Solids(textures, geometry, reach, frames, bound, meshes)
     fill_frames(solids, poses)
     return solids
 
