@@ -24,12 +24,14 @@ from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory
 from asperity.simulation.anti_aliasing import SPAN
 from asperity.simulation.simulation import Rollout, Simulation
-from asperity.simulation.tool_contact import BUDGET_SPENT, CUT_SHORT, SUB_POSES, TOO_FAST
+from asperity.simulation.tool_contact import BUDGET_SPENT, CUT_SHORT, FALLBACK, SUB_POSES, TOO_FAST
 
 _CERTIFIED = 0.99
 """Share of certified depths below which a run has a note."""
 _LATE = 0.01
 """Share of ticks longer than the period from which on a run has a note."""
+_OLD = 0.05
+"""Share of ticks with an older contact from which on a run has a note."""
 _LINEAR = 0.2
 """Displacement over the smallest side of an elastic body above which a run has a note."""
 _ROWS = 256
@@ -249,6 +251,13 @@ def _doubts(scene: Scene, rollout: Rollout, dt: float) -> list[str]:
             f"{late} of {len(rollout.time)} ticks took longer than a tick lasts, {1e3 * dt:.3g} "
             "ms: a device would not be served in time; take a coarser texture or mesh, or a lower "
             "rate"
+        )
+    old = int(np.count_nonzero(rollout.flags & FALLBACK))
+    if old > _OLD * len(rollout.time):
+        notes.append(
+            f"in {old} of {len(rollout.time)} ticks the contact was an older one, taken on to the "
+            "present pose: a new one takes longer than a tick; take a lower rate "
+            f"(--rate-hz {0.5 / dt:.4g}), or a coarser texture, mesh or grid of taxels"
         )
     return notes + _uncertified(scene, rollout)
 
