@@ -43,7 +43,7 @@ def test_sum_and_moment_are_the_wrench(name):
 
 def test_the_grid_lies_on_the_side_that_faces_down():
     scene = load_scene("probe-plate")  # a ball of 3 mm
-    taxels = ToolTaxels(scene, (21, 21))
+    taxels = ToolTaxels(scene, taxels=(21, 21))
     np.testing.assert_allclose(taxels.extent, [-1.5e-3, 1.5e-3, -1.5e-3, 1.5e-3], rtol=0.1)
     places = taxels._forces.places
     middle = places[np.linalg.norm(places[:, :2], axis=1).argmin()]

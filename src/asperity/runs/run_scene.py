@@ -109,7 +109,8 @@ def run_scene(
     controller = PassivityController(simulation.dt) if hand else None
     with ExitStack() as stack:
         writer = recording and stack.enter_context(RecordingWriter(recording, attributes))
-        taxels = ToolTaxels(scene) if writer and every and scene.soft is None else None
+        is_rigid = scene.soft is None
+        taxels = ToolTaxels(scene, stage.engine) if writer and every and is_rigid else None
         source_of_fields = taxels or stage.engine
         fields = FieldWriter(writer.file, source_of_fields.grid) if writer and every else None
 

@@ -49,6 +49,8 @@ class ToolTaxels:
     Parameters
     ----------
     scene : Scene
+    solver : ContactSolver, optional
+        Of the scene, by which the first contact is found; it is reset. By default a new one.
     taxels : (2,) of int
         Rows and columns of the grid.
 
@@ -65,10 +67,18 @@ class ToolTaxels:
         Force along columns and rows, over a cell's area [Pa].
     """
 
-    def __init__(self, scene: Scene, taxels: tuple[int, int] = (32, 32)) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        solver: ContactSolver | None = None,
+        *,
+        taxels: tuple[int, int] = (32, 32),
+    ) -> None:
         self.taxels = taxels
         self._axes = grid_axes(-rotation_of(scene.start[3:])[2])
-        self._solver = ContactSolver(scene.model, scene.bodies, scene.tool, scene.acting_force)
+        self._solver = solver or ContactSolver(
+            scene.model, scene.bodies, scene.tool, scene.acting_force
+        )
         body = next(body for body in scene.bodies if body.name == scene.tool)
         points, triangles = _triangles(body)
         points = points @ self._axes.T
