@@ -17,6 +17,7 @@ from asperity.contact.response.stiffness import ContactDerivatives
 from asperity.errors import AsperityError
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
+from asperity.simulation.summed_contact import fill_summed
 
 _LEAP = 0.01
 """Largest way of a vertex in a step [m]: that of a tool at 10 m/s in 1 ms, beyond which it has been
@@ -96,9 +97,13 @@ class ElasticEngine:
         self._found = None
         self._move(local, dt)
         self._is_new = dt == 0.0
-        wrench = self.elastic.surface.wrenches[0].reshape(2, 3) @ self._turn.T
-        self._sum_up(wrench.ravel())
-        return np.asarray(wrench.ravel())
+        surface, contacts = self.elastic.surface, self.contacts
+        wrench = (surface.wrenches[0].reshape(2, 3) @ self._turn.T).ravel()
+        # The tool feels the surface's friction the other way.
+        friction = -(self._turn @ surface.out.damped[:3])
+        if fill_summed(contacts, surface.out.push, wrench[:3], friction):
+            contacts.point[0] = self._turn @ contacts.point[0] + self._home
+        return np.asarray(wrench)
 
     def _move(self, pose: Array, dt: float) -> None:
         """Bring the body to where it is with the tool at a pose in its frame."""
@@ -132,21 +137,6 @@ class ElasticEngine:
         surface.place([pose], np.zeros((1, 6)))
         surface.press_at(self.elastic.body.mesh.vertices + self._shape, np.zeros_like(self._shape))
         self.contacts.status[0] = _NOT_CERTIFIED
-
-    def _sum_up(self, wrench: Array) -> None:
-        """Fill the contact."""
-        out, contacts = self.elastic.surface.out, self.contacts
-        total = float(out.push[0])
-        contacts.count[0] = int(total > 0.0)
-        if total == 0.0:
-            return
-        normal = wrench[:3] + self._turn @ out.damped[:3]
-        normal /= max(float(np.linalg.norm(normal)), 1e-30)
-        contacts.point[0] = self._turn @ (out.push[1:4] / total) + self._home
-        contacts.normal[0] = contacts.slope_normal[0] = normal
-        contacts.depth[0] = out.push[4]
-        contacts.weight[0] = 1.0
-        contacts.force[0] = wrench[:3]
 
     @property
     def energy(self) -> float:

@@ -16,6 +16,7 @@ from asperity.contact.soft.skin_contact import SkinContact
 from asperity.geometry.poses import mean_twist, rotation_of
 from asperity.geometry.rigid_body import centre_of_mass, cross
 from asperity.scene.scene import Scene
+from asperity.simulation.summed_contact import fill_summed
 
 
 class SkinEngine:
@@ -68,7 +69,7 @@ class SkinEngine:
             self.skin.place([pose])
             centre = (centre_of_mass(pose, self.centre) - self._home[:3]) @ self._turn
             wrench = -self.skin.wrench(self._home, -twist, about=centre)
-        self._sum_up(wrench)
+        fill_summed(self.contacts, self.skin.out.push, wrench[:3], self._damped[:3])
         return wrench
 
     def keep(self) -> Array:
@@ -84,21 +85,6 @@ class SkinEngine:
     def _damped(self) -> Array:
         """Friction in the last wrench, (6,)."""
         return self.skin.out.damped if self._is_tool else -self.skin.out.damped
-
-    def _sum_up(self, wrench: Array) -> None:
-        """Fill the contact."""
-        push, contacts = self.skin.out.push, self.contacts
-        total = float(push[0])
-        contacts.count[0] = int(total > 0.0)
-        if total == 0.0:
-            return
-        normal = wrench[:3] - self._damped[:3]
-        normal /= max(float(np.linalg.norm(normal)), 1e-30)
-        contacts.point[0] = push[1:4] / total
-        contacts.normal[0] = contacts.slope_normal[0] = normal
-        contacts.depth[0] = push[4]
-        contacts.weight[0] = 1.0
-        contacts.force[0] = wrench[:3]
 
     @property
     def energy(self) -> float:

@@ -1,0 +1,33 @@
+"""The one contact of a soft body: the sum of all its taxels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from asperity._core.arrays import Array
+from asperity.contact.contacts import Contacts
+
+
+def fill_summed(contacts: Contacts, push: Array, force: Array, friction: Array) -> bool:
+    """Fill the first contact, at the centre of pressure; return whether there is contact.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    push : (5,) array
+        As in `contact.soft.press.SkinOutput`; the place is left in the axes that it has there.
+    force, friction : (3,) array
+        On the tool, world axes [N]: all of it, and the part that is friction.
+    """
+    total = float(push[0])
+    contacts.count[0] = int(total > 0.0)
+    if total == 0.0:
+        return False
+    normal = force - friction
+    normal /= max(float(np.linalg.norm(normal)), 1e-30)
+    contacts.point[0] = push[1:4] / total
+    contacts.normal[0] = contacts.slope_normal[0] = normal
+    contacts.depth[0] = push[4]
+    contacts.weight[0] = 1.0
+    contacts.force[0] = force
+    return True
