@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -27,6 +28,8 @@ _LONGEST = 1.8
 """Length of the longest, over their distance."""
 _SHORTEST = 0.12
 """Shear of the smallest arrow, over the largest."""
+_MARGIN = 1.3
+"""Side of the part of a grid that a figure shows, over the touched one."""
 _SHOWN = 99.0
 """Percentile of the pressed taxels that has the lightest colour in a figure."""
 
@@ -114,6 +117,7 @@ def _frames_figure(
             )  # fmt: skip
             axis.set_title(f"{fields.time[i]:.3f} s")
             axis.grid(False)
+        _show_touched(axes.flat[0], fields, fields.pressure[chosen], extent)
         for axis in axes.flat[len(chosen) :]:
             axis.set_axis_off()
         for axis in axes[-1]:
@@ -123,6 +127,19 @@ def _frames_figure(
         figure.colorbar(shown, ax=axes, label=label, shrink=0.8, extend="max")
         figure.suptitle(title, x=0.012, ha="left", fontsize=11, fontweight="bold")
     return figure
+
+
+def _show_touched(axis: Any, fields: SkinFields, pressure: Array, extent: Array) -> None:
+    """Show the square part of the grid that is touched in any of the frames, with a margin."""
+    _, row, column = np.nonzero(pressure > 0.0)
+    if not row.size:
+        return
+    places = [1e3 * fields.column[np.unique(column)], 1e3 * fields.row[np.unique(row)]]
+    half = _MARGIN * max(0.5 * float(np.ptp(along)) for along in places)
+    half = max(half, 2e3 * max(_pitch(fields.column), _pitch(fields.row)))
+    ends = [0.5 * (along[0] + along[-1]) + half * np.array([-1.0, 1.0]) for along in places]
+    axis.set_xlim(*np.clip(ends[0], extent[0], extent[1]))
+    axis.set_ylim(*np.clip(ends[1], extent[2], extent[3]))
 
 
 def pressure_images(
