@@ -27,8 +27,8 @@ from typing import Any, TypeVar
 _PACKAGE = Path(__file__).parents[1]
 _PREFIX = "asperity-"
 _IMPORT = re.compile(
-    r"^\s*(?:from\s+asperity(?P<of>[\w.]*)\s+import\s+(?P<names>\([^)]*\)|[^\n#]*)"
-    r"|import\s+asperity(?P<module>[\w.]*))",
+    r"^[ \t]*(?:from[ ]asperity(?P<of>[\w.]*)[ ]import[ ](?P<names>\([^)]*\)|[^\n#]*)"
+    r"|import[ ]asperity(?P<module>[\w.]*))",
     re.MULTILINE,
 )
 _STRUCTURE = re.compile(
@@ -39,27 +39,36 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 @functools.cache
+def _files() -> dict[str, Path]:
+    """Return the source files of the package by their modules, such as `.contact.solver`."""
+    files = {}
+    for file in sorted(_PACKAGE.rglob("*.py")):
+        parts = file.relative_to(_PACKAGE).with_suffix("").parts
+        files["".join("." + part for part in parts if part != "__init__")] = file
+    return files
+
+
+@functools.cache
 def _source(path: Path) -> tuple[bytes, tuple[Path, ...]]:
     """Return the digest of a source file, and the files of the package that it imports."""
-    text = path.read_text("utf-8")
-    files = []
+    text, known, imported = path.read_text("utf-8"), _files(), {}
     for found in _IMPORT.finditer(text):
-        parts = (found["of"] or found["module"] or "").strip(".").split(".")
-        base = _PACKAGE.joinpath(*filter(None, parts))
-        names = re.findall(r"\w+", found["names"] or "")
-        for place in (base, *(base / name for name in names)):
-            files += [f for f in (place.with_suffix(".py"), place / "__init__.py") if f.is_file()]
-    return hashlib.sha256(text.encode()).digest(), tuple(dict.fromkeys(files))
+        base = (found["of"] or found["module"] or "").rstrip(".")
+        for name in (base, *(f"{base}.{part}" for part in re.findall(r"\w+", found["names"] or ""))):
+            if name in known:
+                imported[known[name]] = None
+    return hashlib.sha256(text.encode()).digest(), tuple(imported)
 
 
 @functools.cache
 def _structures() -> bytes:
     """Return a digest of which structures the package has, where, and of their fields' names."""
     digest = hashlib.sha256()
-    for file in sorted(_PACKAGE.rglob("*.py")):
-        for found in _STRUCTURE.finditer(file.read_text("utf-8")):
+    for module, file in _files().items():
+        text = file.read_text("utf-8")
+        for found in _STRUCTURE.finditer(text) if "(NamedTuple):" in text else ():
             fields = _FIELD.findall(found["body"])
-            digest.update(f"{file.relative_to(_PACKAGE)} {found['name']} {fields}\n".encode())
+            digest.update(f"{module} {found['name']} {fields}\n".encode())
     return digest.digest()
 
 
@@ -78,7 +87,7 @@ def source_hash(path: Path) -> str:
         seen |= fresh
         waiting += fresh
     digest = hashlib.sha256(_structures())
-    for file in sorted(seen):
+    for file in sorted(seen, key=str):
         digest.update(file.name.encode() + _source(file)[0])
     return digest.hexdigest()[:16]
 
@@ -124,6 +133,11 @@ def _can_be_written(folder: Path) -> bool:
     return os.access(folder, os.W_OK)
 
 
+@functools.cache
+def _can_be_kept(folder: str) -> bool:
+    return _can_be_written(Path(folder))
+
+
 def cache_state() -> tuple[Path, int]:
     """Return the cache folder and how many compiled functions lie in it."""
     folder = Path(os.environ["NUMBA_CACHE_DIR"])
@@ -157,6 +171,14 @@ if _LOCATED:
 
     class ContentLocator(caching.UserProvidedCacheLocator):
         """The place of machine code in the cache: wherever the source is, the same."""
+
+        def ensure_cache_path(self) -> None:
+            """Make the folder, and see once whether files can be put into it.
+
+            Numba looks again for each function, which takes half a second for those of a scene.
+            """
+            if not _can_be_kept(self.get_cache_path()):
+                raise OSError(f"cannot write to {self.get_cache_path()}")
 
         @classmethod
         def get_suitable_cache_subpath(cls, py_file: str) -> str:
