@@ -51,10 +51,14 @@ def _files() -> dict[str, Path]:
 @functools.cache
 def _source(path: Path) -> tuple[bytes, tuple[Path, ...]]:
     """Return the digest of a source file, and the files of the package that it imports."""
-    text, known, imported = path.read_text("utf-8"), _files(), {}
+    text, known = path.read_text("utf-8"), _files()
+    imported: dict[Path, None] = {}
     for found in _IMPORT.finditer(text):
         base = (found["of"] or found["module"] or "").rstrip(".")
-        for name in (base, *(f"{base}.{part}" for part in re.findall(r"\w+", found["names"] or ""))):
+        for name in (
+            base,
+            *(f"{base}.{part}" for part in re.findall(r"\w+", found["names"] or "")),
+        ):
             if name in known:
                 imported[known[name]] = None
     return hashlib.sha256(text.encode()).digest(), tuple(imported)

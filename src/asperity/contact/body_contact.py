@@ -290,9 +290,11 @@ class BodyContact:
     @property
     def energy(self) -> float:
         """Energy U of the last pose [J], whose negative gradient is the wrench without friction."""
-        energy = 0.5 * self.settings.stiffness * self._memory.state["way_out"][0] ** 2
-        energy += 0.0 if self._mesh is None else self._mesh.space.energy.sum()
-        return float(energy) if self.contacts.count[0] > 0 else 0.0
+        if self.contacts.count[0] == 0:
+            return 0.0
+        way_out = self._memory.state["way_out"].item()
+        of_meshes = 0.0 if self._mesh is None else sum(self._mesh.space.energy.tolist())
+        return 0.5 * self.settings.stiffness * way_out * way_out + of_meshes
 
     def stiffness(self) -> NDArray[np.float64]:
         """Return the negative derivative of the last wrench by the tool's motion.

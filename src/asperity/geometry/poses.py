@@ -80,10 +80,11 @@ def mean_twist(first: Pose, last: Pose, seconds: float) -> Array:
 
     Linear velocity of the body's origin [m/s], then angular velocity [rad/s], world axes.
     """
-    out = np.empty(6)
-    out[:3] = (last[:3] - first[:3]) / seconds
-    out[3:] = rotation_between(first, last) / seconds
-    return out
+    x, y, z, *one = first.tolist()
+    to_x, to_y, to_z, *other = last.tolist()
+    turn_x, turn_y, turn_z = _rotation(one, other)
+    moved = (to_x - x, to_y - y, to_z - z, turn_x, turn_y, turn_z)
+    return np.array([part / seconds for part in moved])
 
 
 def rotation_between(first: Pose, last: Pose) -> Array:
@@ -91,8 +92,13 @@ def rotation_between(first: Pose, last: Pose) -> Array:
 
     Of the two rotations that lead there, the one by at most pi.
     """
-    aw, ax, ay, az = first[3:].tolist()
-    bw, bx, by, bz = last[3:].tolist()
+    return np.array(_rotation(first[3:].tolist(), last[3:].tolist()))
+
+
+def _rotation(first: list[float], last: list[float]) -> tuple[float, float, float]:
+    """Return the rotation vector between two unit quaternions; lists are faster than arrays."""
+    aw, ax, ay, az = first
+    bw, bx, by, bz = last
     # last * conjugate(first)
     w = bw * aw + bx * ax + by * ay + bz * az
     x = -bw * ax + bx * aw - by * az + bz * ay
@@ -100,10 +106,10 @@ def rotation_between(first: Pose, last: Pose) -> Array:
     z = -bw * az - bx * ay + by * ax + bz * aw
     sine = math.sqrt(x * x + y * y + z * z)
     if sine < 1e-15:
-        return np.zeros(3)
+        return 0.0, 0.0, 0.0
     angle = 2.0 * math.atan2(sine, abs(w))
     scale = math.copysign(angle / sine, w) if w != 0.0 else angle / sine
-    return np.array([x, y, z]) * scale
+    return x * scale, y * scale, z * scale
 
 
 def rotated(pose: Pose, rotation: ArrayLike) -> Pose:

@@ -218,10 +218,13 @@ class ToolContact:
 
     def _has_jumped(self, last: Array, pose: Array) -> bool:
         """Return whether the tool has been placed elsewhere."""
-        moved = pose[:3] - last[:3]
-        half = min(abs(float(pose[3:] @ last[3:])), 1.0)
-        is_far = math.sqrt(float(moved @ moved)) > _FASTEST * self.dt
-        return is_far or 2.0 * math.acos(half) > _FASTEST_TURN * self.dt
+        # As numbers: an array of three takes longer than all of this.
+        x, y, z, qw, qx, qy, qz = last.tolist()
+        to_x, to_y, to_z, to_w, to_qx, to_qy, to_qz = pose.tolist()
+        if math.dist((x, y, z), (to_x, to_y, to_z)) > _FASTEST * self.dt:
+            return True
+        half = min(abs(qw * to_w + qx * to_qx + qy * to_qy + qz * to_qz), 1.0)
+        return 2.0 * math.acos(half) > _FASTEST_TURN * self.dt
 
     def change(self, *, force: ForceSettings, dt: float, coupling: CouplingSettings) -> None:
         """Continue with another stiffness and friction, tick [s], and coupling."""

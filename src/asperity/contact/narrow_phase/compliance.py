@@ -34,10 +34,9 @@ def compliance_at(textures, patch, other, x, y, usual):
     c = patch.compliance + other.compliance
     if patch.stiffness_map < 0:
         return (c if c > 0.0 else usual), 0.0, 0.0, 0.0, 0.0, 0.0
-    texture = patch.texture
-    patch.texture = patch.stiffness_map
-    t, t_x, t_y, t_xx, t_xy, t_yy = height_on(textures, patch, x, y, root_at(patch, x, y))
-    patch.texture = texture
+    t, t_x, t_y, t_xx, t_xy, t_yy = height_on(
+        textures, patch, patch.stiffness_map, x, y, root_at(patch, x, y)
+    )
     return c - t, -t_x, -t_y, -t_xx, -t_xy, -t_yy
 
 

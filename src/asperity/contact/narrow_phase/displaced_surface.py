@@ -95,7 +95,7 @@ def cylindrical_place(patch, x, y, r):
 
 
 @small_kernel
-def _planar_map(textures, patch, axes, start, x, y, root):
+def _planar_map(textures, patch, texture, axes, start, x, y, root):
     """Return t and its derivatives where (u, v) are those of `planar_place`."""
     i, j = axes
     by_x, by_y = patch.texture_from_x, patch.texture_from_y
@@ -103,14 +103,14 @@ def _planar_map(textures, patch, axes, start, x, y, root):
     a, b = patch.texture_from_root[i], patch.texture_from_root[j]
     u, v = planar_place(patch, axes, start, x, y, r)
     return _chain_rule(
-        texture_at(textures, patch.texture, u, v),
+        texture_at(textures, texture, u, v),
         (by_x[i] + a * r_x, by_y[i] + a * r_y, a * r_xx, a * r_xy, a * r_yy),
         (by_x[j] + b * r_x, by_y[j] + b * r_y, b * r_xx, b * r_xy, b * r_yy),
     )  # fmt: skip
 
 
 @inner_kernel
-def _triplanar_map(textures, patch, x, y, root):
+def _triplanar_map(textures, patch, texture, x, y, root):
     """Return t and its derivatives of three planar maps, weighted by the normal's fourth powers."""
     r, r_x, r_y, r_xx, r_xy, r_yy = root
     n0, n1, n2, n3 = (
@@ -133,7 +133,7 @@ def _triplanar_map(textures, patch, x, y, root):
         weight_xy = bend * w_x * w_y + slope * c * r_xy
         weight_yy = bend * w_y * w_y + slope * c * r_yy
         axes = ((k + 1) % 3, (k + 2) % 3)
-        h = _planar_map(textures, patch, axes, start, x, y, root)
+        h = _planar_map(textures, patch, texture, axes, start, x, y, root)
         total += weight
         total_x += weight_x
         total_y += weight_y
@@ -155,23 +155,26 @@ def _triplanar_map(textures, patch, x, y, root):
 
 
 @small_kernel
-def height_on(textures, patch, x, y, root):
-    """Return the height t of the texture at (x, y) of a patch, and t_x, t_y, t_xx, t_xy, t_yy."""
+def height_on(textures, patch, texture, x, y, root):
+    """Return the height t of a texture at (x, y) of a patch, and t_x, t_y, t_xx, t_xy, t_yy.
+
+    `texture` is the number of the patch's own texture, or of a map that is mapped as that is.
+    """
     mapping = patch.mapping
     if mapping == PLANAR:
         axes = (np.int64(0), np.int64(1))
-        return _planar_map(textures, patch, axes, (0.0, 0.0), x, y, root)
+        return _planar_map(textures, patch, texture, axes, (0.0, 0.0), x, y, root)
     if mapping == CYLINDRICAL:
         r, _, r_y, _, _, r_yy = root
         radius, lean = patch.radius, patch.lean
         sense = patch.map_sense * patch.map_stretch
         u, v = cylindrical_place(patch, x, y, r)
         return _chain_rule(
-            texture_at(textures, patch.texture, u, v),
+            texture_at(textures, texture, u, v),
             (0.0, sense / r, 0.0, 0.0, sense * y / (radius * radius * r * r * r)),
             (1.0, lean * r_y, 0.0, 0.0, lean * r_yy),
         )  # fmt: skip
-    return _triplanar_map(textures, patch, x, y, root)
+    return _triplanar_map(textures, patch, texture, x, y, root)
 
 
 @inner_kernel
@@ -180,7 +183,7 @@ def surface_at(textures, patch, x, y, out):
     root = root_at(patch, x, y)
     c = patch.bulge
     if c == 0.0 and patch.texture >= 0:
-        lift_plane(patch, x, y, height_on(textures, patch, x, y, root), out)
+        lift_plane(patch, x, y, height_on(textures, patch, patch.texture, x, y, root), out)
         return
     r, r_x, r_y, r_xx, r_xy, r_yy = root
     q11, q12, q21, q22 = entries(patch.lateral)
@@ -194,7 +197,7 @@ def surface_at(textures, patch, x, y, out):
     out.p_xx[2], out.p_xy[2], out.p_yy[2] = c * r_xx, c * r_xy, c * r_yy
     if patch.texture < 0:
         return
-    t, t_x, t_y, t_xx, t_xy, t_yy = height_on(textures, patch, x, y, root)
+    t, t_x, t_y, t_xx, t_xy, t_yy = height_on(textures, patch, patch.texture, x, y, root)
     v0, v1, v2, v3 = patch.normal, patch.normal_from_x, patch.normal_from_y, patch.normal_from_root
     size = 1.0
     if not patch.is_unit:
@@ -293,7 +296,9 @@ def height_at(textures, patch, u, v, point):
             return nothing
         if patch.texture < 0:
             return z, g1, g2, k11, k12, k22, x, y
-        t, t_x, t_y, t_xx, t_xy, t_yy = height_on(textures, patch, x, y, root_at(patch, x, y))
+        t, t_x, t_y, t_xx, t_xy, t_yy = height_on(
+            textures, patch, patch.texture, x, y, root_at(patch, x, y)
+        )
         i, j, k, m = entries(patch.lateral_inverse)
         return (
             z + t,

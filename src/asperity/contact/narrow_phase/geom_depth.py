@@ -30,7 +30,7 @@ from asperity.contact.narrow_phase.incumbent import begin_search
 from asperity.contact.narrow_phase.load import (
     FOUND,
     MOST_SEARCHES,
-    has_map,
+    patches_have_map,
     raise_load,
     settle_load,
 )
@@ -159,7 +159,7 @@ def fill_depth_along(textures, geometry, query, limits, memory, result_out):
     search = memory.search[0]
     search.load = 0.0
     _search_all(textures, (made_a, made_b), (u, v), limits, memory)
-    if search.incumbent > 0.0 and has_map(memory, made_a, made_b):
+    if search.incumbent > 0.0 and patches_have_map(memory, made_a, made_b):
         _search_under_load(textures, (made_a, made_b), limits, memory)
     fill_penetration(textures, made_b, n, limits.tolerance, memory, result_out)
     search.load = 0.0
@@ -223,7 +223,7 @@ def smooth_texture_under(textures, geometry, body, n, place, memory, gradient_ou
         return 0.0
     patch = memory.patches_b[which]
     x, y = parameters_at(patch, u, v)
-    t, t_x, t_y, _, _, _ = height_on(textures, patch, x, y, root_at(patch, x, y))
+    t, t_x, t_y, _, _, _ = height_on(textures, patch, patch.texture, x, y, root_at(patch, x, y))
     i, j, k, m = entries(patch.lateral_inverse)
     g1, g2 = i * t_x + k * t_y, j * t_x + m * t_y
     for axis in range(3):

@@ -44,7 +44,7 @@ def scale_of(result):
 
 
 @inner_kernel
-def has_map(memory, made_a, made_b):
+def patches_have_map(memory, made_a, made_b):
     """Return whether any of the patches of two bodies has a map of stiffness that counts."""
     found = False
     for i in range(made_a):

@@ -43,7 +43,7 @@ def overlap_on_level(textures, patch, other, x, y, out):
         return
     if patch.texture >= 0:
         t, t_x, t_y, t_xx, t_xy, t_yy = height_on(
-            textures, patch, x, y, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+            textures, patch, patch.texture, x, y, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         )
     a, b, c, d = entries(patch.lateral)
     out.point[0], out.point[1], out.point[2] = u, v, patch.origin[2] + t

@@ -231,7 +231,7 @@ class CoupledTool:
             self.pose[:] = handle_pose
             self._motion.velocity[:] = handle_twist
             energy = contact.energy
-            if np.array_equal(contact.pose, handle_pose):
+            if contact.pose.tobytes() == handle_pose.tobytes():
                 self._wrench[:] = contact.wrench
             else:
                 self._copy(contact)

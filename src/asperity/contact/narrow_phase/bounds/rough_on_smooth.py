@@ -46,7 +46,9 @@ def rough_bound(textures, patch, other, planes, box):
     radius = math.sqrt(half_x * half_x + half_y * half_y)
     w_u, w_v, w_z, change, w1, w2 = plane_normal(patch, x, y, radius)
     slope, bend, bend_size = plane_slopes(textures, patch, box, w1, w2)
-    t, t_x, t_y, _, _, _ = height_on(textures, patch, x, y, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    t, t_x, t_y, _, _, _ = height_on(
+        textures, patch, patch.texture, x, y, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    )
     size, lean = texture_size(textures, patch), 0.0
     if not patch.is_level:
         lean = min(math.sqrt(w_u * w_u + w_v * w_v) + change, 1.0)
