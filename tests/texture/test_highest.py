@@ -6,7 +6,7 @@ import pytest
 from asperity._core.kernels import kernel
 from asperity.texture.height_field import HeightField
 from asperity.texture.highest import texture_top, top_over, windows_for
-from asperity.texture.packed import pack
+from asperity.texture.packing import pack
 
 PIXEL = (1e-4, 2e-4)
 

@@ -5,7 +5,8 @@ import pytest
 
 from asperity._core.kernels import kernel
 from asperity.texture.height_field import HeightField
-from asperity.texture.packed import pack, texture_at, texture_bounds, texture_slope
+from asperity.texture.packed import texture_at, texture_bounds, texture_slope
+from asperity.texture.packing import pack
 
 PIXEL = 1e-4
 

@@ -14,7 +14,8 @@ from asperity.geometry.bodies import KINDS, MAPPINGS, Body, Geom, Surface, map_o
 from asperity.geometry.mesh.texture_coordinates import length_round
 from asperity.geometry.poses import rotation_of
 from asperity.texture.friction_map import FrictionMap
-from asperity.texture.packed import PackedTextures, pack
+from asperity.texture.packed import PackedTextures
+from asperity.texture.packing import pack
 
 if TYPE_CHECKING:
     from asperity.texture.height_field import HeightField
