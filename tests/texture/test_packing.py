@@ -56,4 +56,5 @@ def test_what_was_used_longest_ago_goes_first(monkeypatch):
     pack([_field(2)])
     keys = list(packing._kept)
     pack([_field(0)])
-    assert len(keys) == 2 and list(packing._kept) == keys[::-1]
+    assert len(keys) == 2
+    assert list(packing._kept) == keys[::-1]
