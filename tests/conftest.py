@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+# Each test process has a core: threads of linear algebra would only wait for each other, busily.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # The test processes already share what they compile; helpers would only crowd the cores.
 os.environ.setdefault("ASPERITY_COMPILE_HELPERS", "0")
 
