@@ -19,9 +19,9 @@ demo: $(VENV)/installed-run          ## run the paper's studies and write out/re
 view: $(VENV)/installed-view         ## a page in the browser on a running scene: make view SCENE=hammer-blocks
 	$(BIN)/asperity view $(SCENE)
 
-test: $(VENV)/installed-dev          ## the tests (two processes, one shared compile cache)
+test: $(VENV)/installed-dev          ## the tests (two processes and one of low priority, one shared compile cache)
 	@sh .ci/browser.sh
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+	$(BIN)/python -m pytest -n 3 -m "not slow"
 
 test-slow: $(VENV)/installed-dev
 	$(BIN)/python -m pytest -m slow
