@@ -21,10 +21,12 @@ _LONG = (
     "viewer", "cli/test_json.py", "contact/test_real_meshes.py", "contact/test_reference_mesh.py",
     "cli/test_report.py", "dynamics/test_on_the_surface.py", "test_package.py",
     "contact/test_accuracy.py", "realtime/servo/test_session.py", "realtime/servo/test_timing.py",
-    "psychophysics/test_compare_conditions.py", "baking/test_folder.py",
+    "psychophysics/test_compare_conditions.py", "studies/sweeps/test_cluster.py",
+    "baking/test_folder.py", "studies/baselines/test_contact_levels.py",
     "mujoco/test_as_contacts.py", "cli/test_run.py", "contact/test_own_mesh.py",
     "psychophysics/test_whole_procedures.py", "contact/test_mesh_properties.py",
-    "dynamics/test_energy.py", "contact/deformable/test_elastic_bodies.py", "cli/test_bake.py",
+    "dynamics/test_energy.py", "studies/stability/test_resting_point.py",
+    "contact/deformable/test_elastic_bodies.py", "cli/test_bake.py",
     "core/test_shared_compilation.py", "mujoco/test_exploration.py",
 )  # fmt: skip
 """Files (and the page's folder) that take 20 s or more, longest first; their few tests would bring
