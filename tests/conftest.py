@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+# Each test process has a core: threads of linear algebra would only wait for each other, busily.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # The test processes already share what they compile; helpers would only crowd the cores.
 os.environ.setdefault("ASPERITY_COMPILE_HELPERS", "0")
 
@@ -15,7 +17,27 @@ _WAITING = (
     "studies/sweeps/",
 )  # fmt: skip
 """Tests that wait for threads and processes beside them, or for a browser."""
+_LONG = (
+    "viewer", "cli/test_json.py", "contact/test_real_meshes.py", "contact/test_reference_mesh.py",
+    "cli/test_report.py", "dynamics/test_on_the_surface.py", "test_package.py",
+    "contact/test_accuracy.py", "realtime/servo/test_session.py", "realtime/servo/test_timing.py",
+    "psychophysics/test_compare_conditions.py", "studies/sweeps/test_cluster.py",
+    "baking/test_folder.py", "studies/baselines/test_contact_levels.py",
+    "mujoco/test_as_contacts.py", "cli/test_run.py", "contact/test_own_mesh.py",
+    "psychophysics/test_whole_procedures.py", "contact/test_mesh_properties.py",
+    "dynamics/test_energy.py", "studies/stability/test_resting_point.py",
+    "contact/deformable/test_elastic_bodies.py", "cli/test_bake.py",
+    "core/test_shared_compilation.py", "mujoco/test_exploration.py",
+)  # fmt: skip
+"""Files (and the page's folder) that take 20 s or more, longest first; their few tests would bring
+them to the end, where one of them leaves the other processes with nothing to do."""
+_BESIDE = "gw2"
+"""The third process of `make test`: what it does waits for no one, and gives way to the others."""
 _DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+if os.environ.get("PYTEST_XDIST_WORKER") == _BESIDE and hasattr(os, "nice"):
+    os.nice(10)
 
 
 @pytest.fixture(scope="session")
@@ -31,11 +53,22 @@ def pytest_xdist_make_scheduler(config, log):
     """Have one process do a file's tests, which share what is made once, and one all of the page.
 
     Two pages with their loops and browsers are more than two cores. By the names of the files, as
-    `--dist loadgroup` of pytest-xdist 3.8 does nothing in pytest 9.2.
+    `--dist loadgroup` of pytest-xdist 3.8 does nothing in pytest 9.2. While the tests of the first
+    two processes wait, a third one has a core.
     """
     from xdist.scheduler import LoadFileScheduling
 
+    waiting = tuple(f"tests/{name}" for name in _WAITING)
+
     class ByFile(LoadFileScheduling):
+        def _assign_work_unit(self, node) -> None:
+            beside = node.gateway.id == _BESIDE
+            files = list(self.workqueue)
+            fit = [f for f in files if not (beside and f"{f}/".startswith(waiting))] or files
+            long = [f"tests/{name}" for name in _LONG if f"tests/{name}" in fit]
+            self.workqueue.move_to_end((long or fit)[0], last=False)
+            super()._assign_work_unit(node)
+
         def _split_scope(self, nodeid: str) -> str:
             file = super()._split_scope(nodeid)
             return "tests/viewer" if file.startswith("tests/viewer/") else file

@@ -1,5 +1,7 @@
 """Sheets of triangles, textures and tools for the tests of deformable surfaces."""
 
+import functools
+
 import numpy as np
 
 from asperity.contact.deformable.elastic_body import elastic_body
@@ -45,6 +47,7 @@ def slab(cells=(8, 8, 3), half=15e-3, height=12e-3):
     return grid.p.T.copy(), grid.t.T.copy()
 
 
+@functools.cache
 def soft_slab(modulus=2e4, **options):
     """Return an elastic slab that is held at its base."""
     nodes, tetrahedra = slab()

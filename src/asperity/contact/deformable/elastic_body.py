@@ -35,6 +35,9 @@ MOST_VERTICES = 1500
 MOST_TETRAHEDRA = 60_000
 _QUADRATIC = 8000
 """Number of tetrahedra up to which elements are quadratic."""
+_TOGETHER = 4
+"""Right-hand sides solved in one call. SuperLU multiplies many small blocks; from 8 columns on,
+OpenBLAS splits each of them between threads, which takes three to ten times as long."""
 _FLAT = 1e-6
 """Least volume of a tetrahedron, over the cube of its longest edge."""
 
@@ -276,7 +279,7 @@ def _reduced(stiffness: Any, mass: Any, onto: Any, count: int) -> tuple[Array, A
     squares, shapes = eigsh(stiffness, count, mass, sigma=0.0, OPinv=inverse, v0=start)
     rows = np.flatnonzero(np.diff(onto.tocsr().indptr))  # not of held vertices
     compliance = np.zeros((onto.shape[0], onto.shape[0]))
-    for first in range(0, len(rows), 128):
-        block = rows[first : first + 128]
+    for first in range(0, len(rows), _TOGETHER):
+        block = rows[first : first + _TOGETHER]
         compliance[:, block] = onto @ factor.solve(onto[block].T.toarray())
     return np.ascontiguousarray(onto @ shapes), np.sqrt(squares), 0.5 * (compliance + compliance.T)
