@@ -340,6 +340,7 @@ def test_inks_are_colours(tmp_path: Path) -> None:
         picture.save(tmp_path / name)
         found = read_heights(tmp_path / name, pixel_size=1e-5, height_range=1e-4)
         assert found.samples[5, -1] - found.samples[5, 0] == pytest.approx(1e-4, rel=0.02)
+        assert any("inks (CMYK)" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("blue", [0, 128, 255])

@@ -80,7 +80,8 @@ def encodings_of(data: bytes) -> tuple[str, ...]:
         for name, zeros in (("utf-16-le", head[1::2]), ("utf-16-be", head[0::2])):
             if zeros.count(0) > _ZEROS * (len(head) // 2):
                 return (name,)
-    return "utf-8", "cp1252", "latin-1"
+    # Bytes that Windows' Western texts cannot have are in most Japanese ones.
+    return "utf-8", "cp1252", "cp932", "latin-1"
 
 
 def text_of(data: bytes) -> str:

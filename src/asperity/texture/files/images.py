@@ -183,6 +183,8 @@ def _read_pillow(path: Path) -> _Picture:
         elif image.mode in _AS_STORED or image.mode.startswith("I;16"):
             pixels = np.asarray(image)
         else:
+            if image.mode == "CMYK":
+                notes = (*notes, "its inks (CMYK) are turned into red, green and blue")
             pixels = np.asarray(image.convert("L" if image.mode == "1" else "RGB"))
     return _upright(_Picture(pixels, notes), orientation)
 
