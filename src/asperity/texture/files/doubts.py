@@ -41,12 +41,11 @@ def doubts(heights: Array, pixel_size: tuple[float, float], relief: float) -> li
         From the lowest to the highest height [m].
     """
     sides = [n * p for n, p in zip(heights.shape[::-1], pixel_size, strict=False)]
-    size = " x ".join(f"{1e3 * side:.4g}" for side in sides)
     pixel = min(pixel_size) if min(pixel_size) < _SMALLEST_PIXEL else max(pixel_size)
     notes = []
     if pixel < _SMALLEST_PIXEL or pixel > _LARGEST_PIXEL or max(sides) > _LARGEST_MAP:
         notes.append(
-            f"{DOUBT} A pixel size of {1e3 * pixel:.4g} mm, a map of {size} mm: "
+            f"{DOUBT} A pixel size of {1e3 * pixel:.4g} mm, a map of {_size(sides)} mm: "
             "check the unit, or give pixel_size"
         )
     if relief == 0.0:
@@ -56,10 +55,14 @@ def doubts(heights: Array, pixel_size: tuple[float, float], relief: float) -> li
         doubtful = _rms_slope(heights, pixel_size[0]) > _STEEPEST
     if doubtful:
         notes.append(
-            f"{DOUBT} A relief of {1e3 * relief:.4g} mm on a map of {size} mm: check "
+            f"{DOUBT} A relief of {1e3 * relief:.4g} mm on a map of {_size(sides)} mm: check "
             "the heights' unit, or give unit or height_range"
         )
     return notes
+
+
+def _size(sides: list[float]) -> str:
+    return " x ".join(f"{1e3 * side:.4g}" for side in sides)
 
 
 def _rms_slope(heights: Array, pixel: float) -> float:

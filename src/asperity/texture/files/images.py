@@ -228,13 +228,12 @@ def _open_tiff(path: Path) -> Iterator[Any]:
     import tifffile
 
     log = logging.getLogger("tifffile")
-    level = log.level
-    log.setLevel(logging.CRITICAL)  # it prints what it cannot parse; asperity parses that itself
+    was, log.disabled = log.disabled, True  # of what it cannot parse; asperity parses that itself
     try:
         with tifffile.TiffFile(path) as file:
             yield file
     finally:
-        log.setLevel(level)
+        log.disabled = was
 
 
 def _tiff_page(path: Path, file: Any) -> _Picture:
