@@ -180,7 +180,7 @@ def _refusal(path: object, error: Exception) -> str:
 
 
 def mujoco_s_words(error: Exception) -> str:
-    """Return in a part of a line what MuJoCo says, without the names of its exceptions."""
+    """Return in a part of a line what MuJoCo states, without the names of its exceptions."""
     reason = " ".join(str(error).split())
     damaged = re.search(
         r"Error=XML_ERROR_(\w+) .*?Line number=(\d+)(?:: XMLElement name=(\w+))?", reason

@@ -241,7 +241,7 @@ def _no_names(path: Path, order: str | None, values: Array) -> tuple[Layout, tup
 
 
 def _read_arrays(path: Path, order: str | None, rate: float | None) -> _Table:
-    names, values, told = array_columns(path)
+    names, values, said = array_columns(path)
     if names is not None:
         layout = (
             named_columns(path, names, rate)
@@ -249,9 +249,9 @@ def _read_arrays(path: Path, order: str | None, rate: float | None) -> _Table:
             else layout_in_order(path, order, len(names))
         )
         if layout.left_out:
-            told = (*told, f"columns left out: {', '.join(layout.left_out)[:120]}")
+            said = (*said, f"columns left out: {', '.join(layout.left_out)[:120]}")
         chosen, timed = _timed(path, _chosen(values, layout), layout, rate)
-        return _Table(chosen, layout, (*told, *timed), named=not told)
+        return _Table(chosen, layout, (*said, *timed), named=not said)
     if values.shape[1:] in ((3, 4), (4, 4)) and len(values):
         values = values.reshape(len(values), -1)
     if values.ndim != 2 or len(values) == 0 or (order is None and values.shape[1] not in _WIDTHS):

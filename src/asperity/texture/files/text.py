@@ -68,7 +68,7 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
 
 
 def _names(table: TextTable) -> tuple[str, ...] | None:
-    """Return the names of the columns, with the units that a line of its own below them states."""
+    """Return the names of the columns, with the units that another line below them states."""
     names = table.names
     units = [name.strip("[]() ") for name in names or ()]
     if names is None or not any(units) or not all(length_of(u) or u in ("", "-") for u in units):
