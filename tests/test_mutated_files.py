@@ -172,6 +172,7 @@ POSE_FILES = {
     "bare.csv": text(POSES, ";").replace(".", ",").encode(),
     "a.npy": saved(np.save, POSES),
     "a.npz": saved(np.savez, times=POSES[:, 0], poses=POSES[:, 1:]),
+    "named.npz": saved(np.savez, t=POSES[:, 0], pos=POSES[:, 1:4], quat=POSES[:, 4:]),
 }
 
 

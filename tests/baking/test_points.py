@@ -23,6 +23,7 @@ def lines(rows, separator=" ", end="\n"):
 
 PLAIN = lines(DATA)
 COLOURED = lines(np.column_stack([DATA, np.full((COUNT, 3), 128)]))
+PLAIN_ROWS = lines(DATA, ",").split()
 SWAPPED = np.column_stack([np.full(COUNT, 7.5), DATA[:, 2], DATA[:, 1], DATA[:, 0]])
 TEXTS = {
     "plain.xyz": PLAIN, "hash.xyz": "# x y z\n" + PLAIN, "a.asc": PLAIN, "a.txt": PLAIN,
@@ -37,6 +38,10 @@ TEXTS = {
     "swapped.csv": "intensity,z,y,x\n" + lines(SWAPPED, ","),
     "paraview.csv": '"I","Points:2","Points:1","Points:0"\n' + lines(SWAPPED, ","),
     "survey.txt": "id Elevation Northing Easting\n" + lines(SWAPPED),
+    "veloview.csv": "laser,Points_m_XYZ:2,Points_m_XYZ:1,Points_m_XYZ:0\n" + lines(SWAPPED, ","),
+    "camel.tsv": "Reflectance\tPosZ\tPosY\tPosX\n" + lines(SWAPPED, "\t"),
+    "topic.csv": "seq,point.z,point.y,point.x\n" + lines(SWAPPED, ","),
+    "survey.csv": "Point,X,Y,Z\n" + "".join(f"P{i},{r}\n" for i, r in enumerate(PLAIN_ROWS)),
     "cr.xyz": PLAIN.replace("\n", "\r"),
     "utf16.txt": PLAIN.encode("utf-16"), "mark.xyz": b"\xef\xbb\xbf" + PLAIN.encode(),
     "commented.xyz": PLAIN.replace("\n", "  # seen\n"), "blank.xyz": PLAIN.replace("\n", "\n\n"),
@@ -58,6 +63,15 @@ def test_texts_of_points(tmp_path, name):
     assert found.places == pytest.approx(DATA)
     assert found.unit == ("mm" if name == "german.csv" else None)
     assert kind_of(path) == "points"
+
+
+def test_columns_that_are_not_named_x_y_and_z_are_doubted(tmp_path):
+    (tmp_path / "a.csv").write_text("a,b,c,d\n" + lines(np.column_stack([DATA, DATA[:, 0]]), ","))
+    (tmp_path / "b.xyz").write_text("".join(f"P{i},{row}\n" for i, row in enumerate(PLAIN_ROWS)))
+    for name, columns in (("a.csv", "1, 2, 3"), ("b.xyz", "2, 3, 4")):
+        found = read_points(tmp_path / name)
+        assert found.places == pytest.approx(DATA)
+        assert any(f"are x, y and z in columns {columns}?" in note for note in found.notes)
 
 
 def test_maps_of_heights_are_no_points(tmp_path):

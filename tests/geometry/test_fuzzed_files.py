@@ -3,6 +3,7 @@
 import base64
 import gzip
 import json
+import re
 import resource
 import struct
 import time
@@ -164,6 +165,7 @@ FILES = {
     "named.csv": (read_points, lambda: b"x;y;z\n" + rows(POINTS).replace(" ", ";").encode()),
     "points.ply": (read_points, lambda: ply("ascii")),
     "a.pcd": (read_points, lambda: pcd("ascii")),
+    "names.csv": (read_points, lambda: re.sub(rb"(?m)^(?=.)", b"P1 ", rows(POINTS).encode())),
     "a.ptx": (read_points, ptx), "packed.xyz.gz": (read_points, packed),
     "binary.pcd": (read_points, lambda: pcd("binary")),
     "packed.pcd": (read_points, lambda: pcd("binary_compressed")), "a.las": (read_points, las),

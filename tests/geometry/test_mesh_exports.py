@@ -81,6 +81,7 @@ def test_stl_as_programs_write_it(tmp_path, content, note):
         (stl()[:-10], "cut short: 12 triangles need 684 bytes, there are 674"),
         (stl(count=0)[:-10], "its head counts 0 triangles, but 590 bytes follow"),
         (text_stl(ends=False), "cut short after 36 vertices"),
+        (text_stl().rpartition(b"vertex")[0] + b"vertex 2", "cut short after 35 vertices"),
         (text_stl().replace(b"vertex -20", b"vertex x20", 1), "a vertex is 'x20"),
     ],
 )
@@ -563,7 +564,15 @@ def test_concave_polygons_keep_their_shape(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "comment", ["units: mm", "Units are millimeters", "unit mm", "exported in mm", "UNITS=MM"]
+    "comment",
+    [
+        "units: mm",
+        "Units are millimeters",
+        "unit mm",
+        "exported in mm",
+        "UNITS=MM",
+        "This file uses millimeters as units for non-parametric coordinates.",
+    ],
 )
 def test_comments_state_the_unit(tmp_path, comment):
     rows = [f"# {comment}", *("v {:g} {:g} {:g}".format(*(1e3 * corner)) for corner in CORNERS)]

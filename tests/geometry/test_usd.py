@@ -125,6 +125,21 @@ def test_units_axes_and_what_is_left_out(tmp_path):
     assert (sides[:, 2] < 0).all()
 
 
+def test_coordinates_by_name_holes_repetitions_and_files_that_are_not_there(tmp_path):
+    text = stage(tmp_path / "a.usda", more="int[] holeIndices = [1]").read_text()
+    text = text.replace("texCoord2f[] primvars:st ", "float2[] primvars:st_0 ")
+    more = 'def PointInstancer "i"\n{\n}\ndef "w" (\n    references = @./lost.usda@</W>\n)\n{\n}\n'
+    (tmp_path / "a.usda").write_text(text + more)
+    mesh = read_mesh(tmp_path / "a.usda")
+    assert len(mesh.faces) == 2
+    assert mesh.uv is not None
+    assert any("a PointInstancer is left out" in note for note in mesh.notes)
+    assert "a file that it refers to is not there: lost.usda" in mesh.notes
+    (tmp_path / "b.usda").write_text("#usda 1.0\n" + more)
+    with pytest.raises(AsperityError, match=r"no triangles in it \(.*lost\.usda"):
+        read_mesh(tmp_path / "b.usda")
+
+
 @pytest.mark.parametrize("packed", [False, True])
 def test_materials_of_subsets_bring_their_maps(tmp_path, packed):
     for name, count in (("wood", 4), ("steel", 9)):

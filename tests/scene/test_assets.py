@@ -88,6 +88,12 @@ def test_the_map_of_a_material_is_felt(tile, line, kinds, relief):
     assert across < 0.1 * along
 
 
+def test_the_strength_of_normals_that_stand_for_bumps_is_noted(tile):
+    mesh = tile(["map_Bump -bm 0.5 tile_NormalGL.png"], ["NormalGL"])
+    scene = asperity.make_scene(tool="sphere:3mm", target=mesh)
+    assert noted(scene, "tile_NormalGL.png: its scale of 0.5 is not used")
+
+
 def test_heights_of_a_map_are_in_the_unit_that_the_mesh_states(tile):
     mesh = tile(["disp -mm 0 0.08 tile_Displacement.png"], ["Displacement"])
     text = mesh.read_text().replace("0.02", "20").replace("-0.01", "-10")

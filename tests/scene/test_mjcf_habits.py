@@ -6,6 +6,7 @@ import io
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 import asperity
@@ -342,6 +343,9 @@ def test_include_defaults_and_assets_in_folders(load):
          "names the file 'no.png', which cannot be opened; valid"),
         ("<mujoco><worldbody><geom type='sphere'", "is not MJCF"),
         ("no xml", "is not MJCF"),
+        ("<mujoco>\n<worldbody></mujoco>", r"its XML is damaged in line 2 at <worldbody>"),
+        ("<mujoco><worldbody><geom sise='1'/></worldbody></mujoco>",
+         r"is not MJCF: unrecognized attribute: 'sise'"),
     ],
 )  # fmt: skip
 def test_what_is_no_scene_is_refused_in_one_line(tmp_path, xml, said):
@@ -352,10 +356,41 @@ def test_what_is_no_scene_is_refused_in_one_line(tmp_path, xml, said):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("toml", [TOML, None])
+def test_a_mocap_body_is_held_with_what_is_fixed_to_it(load, toml):
+    tip = f'<body name="tip" pos="0 0 -.001">{ball()}</body>'
+    scene = load(plate(), f'<body name="tool" mocap="true" pos="0 0 .01">{tip}</body>', toml=toml)
+    assert scene.tool == "tool"
+    assert noted(scene, "the tool is a mocap body")
+    assert noted(scene, "'tip': fixed to the tool 'tool' and part of it")
+    assert scene.start[:3] == pytest.approx([0, 0, 0.01])
+    with pytest.raises(AsperityError, match="no freejoint; valid: a freejoint alone"):
+        load(plate(), f'<body name="tool"><joint type="slide"/>{ball()}</body>')
+
+
+@pytest.mark.parametrize("package", ["robot_description", "other"])
+def test_packages_of_ros_are_folders(tmp_path, package):
+    mesh = trimesh.creation.box((0.04, 0.04, 0.01))
+    (tmp_path / "robot_description" / "meshes").mkdir(parents=True)
+    (tmp_path / "robot_description" / "urdf").mkdir()
+    mesh.export(tmp_path / "robot_description" / "meshes" / "plate.stl")
+    path = tmp_path / "robot_description" / "urdf" / "r.urdf"
+    sphere = f'<collision><geometry><sphere radius="{RADIUS}"/></geometry></collision>'
+    path.write_text(
+        f'<robot name="r"><link name="world"><collision><geometry><mesh filename="package://'
+        f'{package}/meshes/plate.stl"/></geometry></collision></link><link name="tool"><inertial>'
+        '<mass value="0.1"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/>'
+        f'</inertial>{sphere}</link><joint name="k" type="floating"><parent link="world"/>'
+        '<child link="tool"/></joint></robot>'
+    )
+    scene = asperity.load_scene(path)
+    assert np.ptp(body(scene, "world").mesh.vertices, axis=0) == pytest.approx([0.04, 0.04, 0.01])
+
+
 @pytest.mark.parametrize(
     ("file", "words"),
     [
-        ("package://pkg/meshes/a.stl", r"cannot be opened; .*not of ROS \(package://\)"),
+        ("package://pkg/meshes/a.stl", "cannot be opened; .*or from that of the package"),
         ("a.dae", r"names the mesh 'a\.dae', of a kind that is not read; valid: \.stl, \.obj"),
     ],
 )

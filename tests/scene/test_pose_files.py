@@ -194,3 +194,45 @@ def test_columns_that_do_not_make_a_pose_are_named(tmp_path: Path, head: str, wo
     assert len(message.replace(str(path), "")) <= 300
     for word in words:
         assert word in message
+
+
+ARRAYS = {
+    "xyzw in a name": {"timestamps": T, "positions": P, "quaternions_xyzw": XYZW},
+    "millimetres": {"t_ms": 1e3 * T, "pos_mm": 1e3 * P, "quat_wxyz": Q, "note": np.array("x")},
+    "one array": {"arr_0": np.column_stack([T, P, Q])},
+}
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_arrays_that_names_tell_apart(tmp_path: Path, name: str) -> None:
+    np.savez(tmp_path / "a.npz", **ARRAYS[name])
+    check(read_poses(tmp_path / "a.npz"))
+
+
+def test_a_structured_array_has_named_columns(tmp_path: Path) -> None:
+    order = ["t", "x", "y", "z", "qx", "qy", "qz", "qw"]
+    rows = [tuple(row) for row in np.column_stack([T, P, XYZW])]
+    np.save(tmp_path / "a.npy", np.array(rows, dtype=[(name, "f8") for name in order]))
+    check(read_poses(tmp_path / "a.npy"))
+    fields = np.zeros(N, dtype=[("time", "f8"), ("pos", "f8", 3), ("quat", "f8", 4)])
+    fields["time"], fields["pos"], fields["quat"] = T, P, Q
+    np.save(tmp_path / "b.npy", fields)
+    found = read_poses(tmp_path / "b.npy")
+    check(found)
+    assert any("order of 'quat': its quaternion is taken as qw" in note for note in found.notes)
+
+
+def test_arrays_that_are_no_poses_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", a=np.zeros(0), b=np.zeros((2, 2)))
+    np.savez(tmp_path / "b.npz", t=T, tool_position=P, board_position=P, quat_xyzw=XYZW)
+    for name, words in (
+        ("a.npz", r"holds a \(0,\), b \(2, 2\)"),
+        ("b.npz", "several columns are x"),
+    ):
+        with pytest.raises(AsperityError, match=words):
+            read_poses(tmp_path / name)
+
+
+def test_names_of_pandas_and_of_a_body_before_its_first_column(tmp_path: Path) -> None:
+    head = "Unnamed: 0,timestamps,tool X [mm],Y [mm],Z [mm],QX,QY,QZ,QW\n"
+    check(read_poses(write(tmp_path / "a.csv", head, np.arange(N), T, 1e3 * P, XYZW)))

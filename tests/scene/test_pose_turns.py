@@ -196,6 +196,17 @@ def test_named_matrices(tmp_path: Path, first: int) -> None:
     check(read_poses(write(tmp_path / "b.csv", head, T, 1e3 * P, R, separator=";")))
 
 
+@pytest.mark.parametrize("transposed", [False, True])
+def test_matrices_that_are_numbered_through(tmp_path: Path, transposed: bool) -> None:
+    stored = FOUR.transpose(0, 2, 1) if transposed else FOUR
+    names = [*(f"O_T_EE[{k}]" for k in range(16)), *(f"F_T_EE[{k}]" for k in range(16))]
+    head = ",".join(["time", *names]) + "\n"
+    check(read_poses(write(tmp_path / "a.csv", head, T, stored, 0.0 * stored)))
+    joints = ",".join(["time", *(f"joint_{k}" for k in range(16))]) + "\n"
+    with pytest.raises(AsperityError, match="the last row of its matrices is not 0 0 0 1"):
+        read_poses(write(tmp_path / "b.csv", joints, T, stored + 0.1))
+
+
 @pytest.mark.parametrize(
     ("matrices", "words"),
     [

@@ -129,7 +129,7 @@ def test_wrong_arrays_are_refused(tmp_path):
     np.save(tmp_path / "a.npy", ROWS[:, :5])
     with pytest.raises(AsperityError, match=r"\(2, 5\).*\(n, 8\)"):
         read_poses(tmp_path / "a.npy")
-    np.savez(tmp_path / "b.npz", t=ROWS)
+    np.savez(tmp_path / "b.npz", t=ROWS, p=ROWS)
     with pytest.raises(AsperityError, match="times"):
         read_poses(tmp_path / "b.npz")
     (tmp_path / "c.npy").write_bytes(b"no array")

@@ -241,6 +241,9 @@ def test_sdf_may_have_oblong_pixels_and_those_too_large_are_doubted(tmp_path):
     found = read_heights(write_sdf(tmp_path / "a.sdf", (1e-5, 1.2e-5)))
     assert found.pixel_size == pytest.approx((1e-5, 1.2e-5))
     np.testing.assert_allclose(found.samples, MAP, atol=1e-12)
+    older = (tmp_path / "a.sdf").read_text().replace("aISO-1.0", "aBCR-1.0")
+    (tmp_path / "c.sdf").write_text(older)
+    np.testing.assert_allclose(read_heights(tmp_path / "c.sdf").samples, MAP, atol=1e-12)
     found = read_heights(write_sdf(tmp_path / "b.sdf", (1e-2, 1e-2)))
     assert any("is that plausible? A pixel size of 10 mm" in note for note in found.notes)
 

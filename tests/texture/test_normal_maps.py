@@ -165,6 +165,19 @@ def test_floats_are_read_from_minus_one_or_from_zero(tmp_path: Path) -> None:
         assert np.std(found.samples - known) < 2e-3 * known.std()
 
 
+def test_a_blue_from_0_to_1_is_known(tmp_path: Path) -> None:
+    h_u, h_v = slopes("wrap")
+    normals = np.stack([-h_u, -h_v, np.ones_like(h_u)], axis=-1)[::-1]
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals[..., 2] = 2.0 * normals[..., 2] - 1.0
+    colours = np.round((0.5 + 0.5 * normals) * 255).astype(np.uint8)
+    Image.fromarray(colours).save(tmp_path / "a.png")
+    found = read_normal_map(tmp_path / "a.png", pixel_size=PIXEL, border="wrap")
+    known = surface("wrap").samples
+    assert np.std(found.samples - known) < 0.02 * known.std()
+    assert any("blue is z from 0 to 1" in note for note in found.notes)
+
+
 def test_normals_that_lean_too_far_are_counted(tmp_path: Path) -> None:
     h_u, h_v = (slope.copy() for slope in slopes("wrap"))
     h_u[3, 4], h_u[50, 60] = 1e4, -1e4

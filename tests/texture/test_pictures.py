@@ -295,6 +295,10 @@ def test_ridges_along_one_axis_do_not_show_where_green_points(tmp_path) -> None:
     path = save8(0.5 * (normal + 1), tmp_path / "a.png")
     found = HeightField.from_file(path, pixel_size=PIXEL, kind="normal")
     assert any(note.startswith("does green point up?") for note in found.notes)
+    for name, way in (("a-normal-ogl.png", "up"), ("a_nor_dx.png", "down")):
+        path = save8(0.5 * (normal + 1), tmp_path / name)
+        found = HeightField.from_file(path, pixel_size=PIXEL, kind="normal")
+        assert any(f"green points {way}, as the file's name" in note for note in found.notes)
 
 
 def test_a_blue_that_is_constant_is_found_from_red_and_green(tmp_path) -> None:
@@ -340,6 +344,7 @@ def test_inks_are_colours(tmp_path: Path) -> None:
         picture.save(tmp_path / name)
         found = read_heights(tmp_path / name, pixel_size=1e-5, height_range=1e-4)
         assert found.samples[5, -1] - found.samples[5, 0] == pytest.approx(1e-4, rel=0.02)
+        assert any("inks (CMYK)" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("blue", [0, 128, 255])

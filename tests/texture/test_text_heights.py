@@ -138,6 +138,7 @@ def test_names_with_units_may_be_set_apart_by_spaces_alone(tmp_path: Path) -> No
         ("x,y,z\n", (1, 1, 1)),
         ("x [mm],y [mm],z [um]\n", (1e3, 1e3, 1e6)),
         ("X (um),Y (um),Height (nm)\n", (1e6, 1e6, 1e9)),
+        ("x,y,height\nmm,mm,um\n", (1e3, 1e3, 1e6)),
     ],
 )
 def test_points_on_a_grid_are_a_map(tmp_path: Path, head: str, factors: tuple, order: str) -> None:
@@ -237,6 +238,21 @@ def test_an_outlying_value_is_suspected_and_may_be_named(tmp_path: Path) -> None
     assert any("is -9999 a missing value? It occurs 4 times" in note for note in found.notes)
     with pytest.raises(SurfaceError, match="4 of 600 values are missing"):
         read_heights(path, pixel_size=PIXEL, nodata=-9999)
+
+
+def test_a_usual_sentinel_is_suspected_even_once(tmp_path: Path) -> None:
+    holed = 1e6 * HEIGHTS
+    holed[2, 3] = -32768
+    found = read_heights(write(tmp_path / "a.txt", "z_um\n" + rows(holed)), pixel_size=PIXEL)
+    assert any("is -32768 a missing value? It occurs once" in note for note in found.notes)
+
+
+def test_a_japanese_instrument_s_head_is_read(tmp_path: Path) -> None:
+    head = "機種,VK-X1000\nXYキャリブレーション,10.000,um\n水平,30\n垂直,20\n単位,um\n\n高さ\n"
+    path = write(tmp_path / "a.csv", head + rows(1e6 * HEIGHTS, ","), "cp932")
+    found = read_heights(path)
+    same(found)
+    np.testing.assert_allclose(found.samples, np.flipud(HEIGHTS), atol=1e-10)
 
 
 def test_numbered_rows_and_columns_are_no_heights(tmp_path: Path) -> None:

@@ -66,8 +66,11 @@ def content_of(path: Path, most: int | None = None) -> bytes:
 
 def suffix_of(path: Path, packed: Sequence[str] = ()) -> str:
     """Return the suffix of a file in lower case; behind it `.gz` is left out of those `packed`."""
-    suffix, inner = path.suffix.lower(), Path(path.stem).suffix.lower()
-    return inner if suffix == ".gz" and inner in packed else suffix
+    suffix = path.suffix.lower()
+    if suffix != ".gz":
+        return suffix
+    inner = Path(path.stem).suffix.lower()
+    return inner if inner in packed else suffix
 
 
 def encodings_of(data: bytes) -> tuple[str, ...]:
@@ -80,7 +83,8 @@ def encodings_of(data: bytes) -> tuple[str, ...]:
         for name, zeros in (("utf-16-le", head[1::2]), ("utf-16-be", head[0::2])):
             if zeros.count(0) > _ZEROS * (len(head) // 2):
                 return (name,)
-    return "utf-8", "cp1252", "latin-1"
+    # Bytes that Windows' Western texts cannot have are in most Japanese ones.
+    return "utf-8", "cp1252", "cp932", "latin-1"
 
 
 def text_of(data: bytes) -> str:
@@ -178,9 +182,10 @@ def reading(
             refuse(f"this is a folder; valid: a file of {contents}")
         if suffix not in suffixes:
             refuse(f"unknown kind of file {suffix!r}; valid: {valid or ', '.join(suffixes)}")
-        if path.stat().st_size == 0:
+        size = path.stat().st_size
+        if size == 0:
             refuse("the file is empty")
-        if path.stat().st_size < _POINTER and path.read_bytes().startswith(_LFS):
+        if size < _POINTER and path.read_bytes().startswith(_LFS):
             refuse("it is a pointer of Git LFS, not the file; valid: after `git lfs pull`")
         yield suffix
     except AsperityError:

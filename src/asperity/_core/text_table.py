@@ -71,7 +71,7 @@ class TextTable:
     def names(self) -> tuple[str, ...] | None:
         """Names of the columns: the last line above the numbers that has one for each."""
         for line in reversed(self.header):
-            if re.match(r"\s*[\w -]+:\s", line):
+            if re.match(r"\s*(?!unnamed)[\w -]+:\s", line, re.IGNORECASE):  # pandas has Unnamed: 0
                 continue
             # Spaces alone separate names where each may have a unit: other lines are titles.
             spaced = (None,) if "[" in line or "(" in line else ()

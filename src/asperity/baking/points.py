@@ -11,25 +11,28 @@ import importlib
 import math
 import re
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
 from asperity._core.files import columns_of, content_of, reading, text_of
 from asperity._core.large_tables import numbers_of
+from asperity._core.text_table import is_number
+from asperity._core.units import LENGTHS, named_unit
+from asperity.baking.pcd import read_pcd
 from asperity.baking.ptx import read_ptx
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import UNITS
 from asperity.geometry.mesh.contents import stated_unit
 from asperity.geometry.mesh.ply import positions, read_elements, read_head
+from asperity.scene.pose_columns import meaning_of
 
 POINTS = (".xyz", ".pts", ".ptx", ".pcd", ".las", ".laz")
-TEXTS = (".asc", ".txt", ".csv", ".dat")
+TEXTS = (".asc", ".txt", ".csv", ".dat", ".tsv")
+"""Of text that may be points or a map of heights."""
 PACKED = (*POINTS[:3], *TEXTS)
 """Suffixes that may have `.gz` behind them."""
-"""Text that may be points or a map of heights."""
 FEWEST = 16
 _FEW, _LONG = 9, 16
 """Columns of points at most, and lines a column from which they are no map."""
@@ -38,20 +41,21 @@ _SAMPLE = 200
 _FORMS = ((";", ","), (",", "."), (None, "."), (None, ","))
 """What stands between numbers (None: spaces or tabs), and the decimal sign; a point always may."""
 _AXES = {
-    "x": "x", "y": "y", "z": "z", "points:0": "x", "points:1": "y", "points:2": "z", "east": "x",
+    "x": "x", "y": "y", "z": "z", "east": "x",
     "easting": "x", "north": "y", "northing": "y", "elevation": "z", "height": "z", "x-coord": "x",
     "y-coord": "y", "z-coord": "z",
 }  # fmt: skip
 _HEADING = re.compile(
     r"^([a-z:0-9-]+?)(?:[\s_]*coordinates?)?(?:[\s_]*[\[(]([a-zµμ]+)[\])]|[\s_]+([a-zµμ]+))?$"
 )
+_NUMBERED = re.compile(r"points\w*:([012])")
+"""How ParaView and VeloView name the columns of places."""
 _ON_THE_GLOBE = re.compile(r"(?i)\b(lat(?:itude)?|lon(?:g(?:itude)?)?)\b")
 _FORTRAN = re.compile(r"(?<=\d)[dD](?=[+-]\d)")
 """The sign before a power of ten, as Fortran writes it."""
 _MAP_HEADS = re.compile(r"^\W*(ncols|channel|width|height|rows)\b", re.IGNORECASE | re.MULTILINE)
 _MOST_PACKED = 200
 """By how much LAZ may pack points."""
-_PCD_TYPES = {"F": "f", "I": "i", "U": "u"}
 
 
 class Points(NamedTuple):
@@ -85,6 +89,8 @@ class _Form(NamedTuple):
     """Of x, y and z, as their names state them; "": not stated."""
     counted: int | None
     """Points, as a line above them has it."""
+    texts: bool = False
+    """Whether a row has words among its numbers, as the names of points, or times of day."""
 
 
 def read_points(path: Path) -> Points:
@@ -101,7 +107,7 @@ def read_points(path: Path) -> Points:
             unit = stated_unit("\n".join(head.comments))
             found = Points(positions(path, read_elements(path, head, ("vertex",))), unit)
         elif suffix == ".pcd":
-            found = Points(_pcd(path))
+            found = Points(read_pcd(path))
         elif suffix in (".las", ".laz"):
             found = _las(path)
         elif suffix == ".ptx":
@@ -129,7 +135,9 @@ def holds_points(path: Path) -> bool:
         return False
     rows = [line for line in lines[form.first : -1] if line.strip()]
     is_long = form.width <= _FEW and len(rows) > _LONG * form.width
-    if form.names or form.width == 3 or is_long:
+    if form.names or form.texts:  # words without names are missing heights
+        return bool(form.names)
+    if form.width == 3 or is_long:
         return True
     more = [_numbers(row, form.separator, form.decimal)[3:] for row in rows[:_SAMPLE]]
     return len(rows) > 2 * form.width and all(v == int(v) and v >= 0 for row in more for v in row)
@@ -141,24 +149,36 @@ def _plain(data: bytes) -> str:
     return _FORTRAN.sub("e", text) if _FORTRAN.search(text[:2000]) else text
 
 
-def _numbers(line: str, separator: str | None, decimal: str) -> list[float]:
-    """Return the numbers of a line; an empty list if anything in it is none."""
+def _numbers(line: str, separator: str | None, decimal: str, *, texts: bool = False) -> list[float]:
+    """Return the numbers of a line; an empty list if anything in it is none.
+
+    With `texts` words are NaN, if there are three numbers beside them.
+    """
     words = line.strip().rstrip(";,").split(separator)
+    if decimal == ",":
+        words = [word.replace(",", ".") for word in words]
     try:
-        return [float(word.replace(",", ".") if decimal == "," else word) for word in words]
+        return [float(word) for word in words]
     except ValueError:
-        return []
+        known = [is_number(word) for word in words]
+        if not texts or sum(known) < 3:
+            return []
+        return [float(word) if known[i] else math.nan for i, word in enumerate(words)]
 
 
 def _form(lines: list[str]) -> _Form | None:
     """Return how lines hold points; None if they hold none."""
     lines = [line.partition("#")[0] if line.lstrip()[:1] != "#" else line for line in lines]
+    return _form_of(lines, texts=False) or _form_of(lines, texts=True)
+
+
+def _form_of(lines: list[str], *, texts: bool) -> _Form | None:
     best: tuple[int, _Form] | None = None
     marks = {".", *(mark for mark in ";," if any(mark in line for line in lines[: 2 * _SAMPLE]))}
     for separator, decimal in _FORMS:
         if (separator or decimal) not in marks:
             continue
-        rows = [_numbers(line, separator, decimal) for line in lines[: 2 * _SAMPLE]]
+        rows = [_numbers(x, separator, decimal, texts=texts) for x in lines[: 2 * _SAMPLE]]
         widths = [len(row) for row in rows if len(row) >= 3]
         if not widths:
             continue
@@ -167,10 +187,11 @@ def _form(lines: list[str]) -> _Form | None:
         first = next(i for i, row in enumerate(rows) if len(row) == width)
         if best is None or share > best[0]:
             names, units = _heading(lines[:first], separator, width)
-            columns = tuple(names.index(axis) for axis in "xyz") if names else (0, 1, 2)
+            wordless = [k for k, value in enumerate(rows[first]) if not (texts and value != value)]
+            columns = tuple(names.index(axis) for axis in "xyz") if names else tuple(wordless[:3])
             counts = [row[0] for row in rows[:first] if len(row) == 1 and row[0] == int(row[0])]
             count = int(counts[-1]) if counts else None
-            form = _Form(first, separator, decimal, width, columns, names, units, count)
+            form = _Form(first, separator, decimal, width, columns, names, units, count, texts)
             best = (share, form)
     return None if best is None else best[1]
 
@@ -180,19 +201,42 @@ def _heading(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the axes that columns are, "" for others, and the units that their names state.
 
-    Empty if no line above names x, y and z.
+    Empty if no line above names x, y and z. A column that is named x alone wins over `pos_x`.
     """
     for line in reversed(above):
-        plain = line.strip().lstrip("#/%").strip().lower().replace('"', "")
+        plain = line.strip().lstrip("#/%").strip()
         for cut in dict.fromkeys((separator, ",", ";", "\t", None)):
             words = [word.strip() for word in plain.split(cut)]
-            found = [_HEADING.match(word) for word in words]
-            axes = tuple(_AXES.get(m.group(1), "") if m else "" for m in found)
-            if len(words) == width and all(axes.count(axis) == 1 for axis in "xyz"):
-                stated = {a: m[2] or m[3] or "" for m, a in zip(found, axes, strict=True) if m}
-                units = [re.sub("[µμ]", "u", stated[axis]) for axis in "xyz"]
-                return axes, tuple(unit if unit in UNITS else "" for unit in units)
+            if len(words) != width:
+                continue
+            for axis_of in (_alone, _within):
+                found = [axis_of(word) for word in words]
+                axes = tuple(axis for axis, _ in found)
+                if all(axes.count(axis) == 1 for axis in "xyz"):
+                    stated = dict(found)
+                    units = [re.sub("[µμ]", "u", stated[axis]) for axis in "xyz"]
+                    return axes, tuple(unit if unit in UNITS else "" for unit in units)
     return (), ()
+
+
+def _alone(name: str) -> tuple[str, str]:
+    """Return the axis that a column's whole name is, "" for another, and the unit behind it."""
+    found = _HEADING.match(name.lower())
+    axis = _AXES.get(found.group(1), "") if found else ""
+    return axis, (found[2] or found[3] or "") if found else ""
+
+
+def _within(name: str) -> tuple[str, str]:
+    """Return the axis that part of a column's name states, as of a pose's, and its unit."""
+    axis, unit = _alone(name)
+    numbered = _NUMBERED.fullmatch(name.lower())
+    if axis:
+        return axis, unit
+    if numbered:
+        return "xyz"[int(numbered[1])], ""
+    meaning = (meaning_of(name) or "").rstrip("?")
+    named = named_unit(name, LENGTHS)
+    return (meaning if meaning in ("x", "y", "z") else ""), named[0].lower() if named else ""
 
 
 def _text(path: Path) -> Points:
@@ -212,6 +256,11 @@ def _text(path: Path) -> Points:
     if not form.names and form.width > 3 and _counts_lines(lines, form):
         form = form._replace(columns=(1, 2, 3))
         notes.append("its first column counts the points: x, y and z are those behind it")
+    if not form.names and (form.texts or _are_names(lines[: form.first][-1:], form)):
+        notes.append(
+            f"are x, y and z in columns {', '.join(str(k + 1) for k in form.columns)}? No names of "
+            "columns state it: taken so"
+        )
     if form.decimal == "," and any("," in line for line in lines[form.first :][:_SAMPLE]):
         notes.append("its numbers have decimal commas")
     body = text.split("\n", form.first)[form.first]
@@ -239,7 +288,7 @@ def _line_by_line(path: Path, lines: list[str], form: _Form) -> Array:
     places = []
     for number, line in enumerate(lines, start=form.first + 1):
         line = line.partition("#")[0]
-        values = _numbers(line, form.separator, form.decimal)
+        values = _numbers(line, form.separator, form.decimal, texts=form.texts)
         if len(values) >= form.width or len(values) > max(form.columns):
             places.append([values[k] for k in form.columns])
         elif line.strip() and not (len(values) == 1 or line.lstrip()[:2] == "//"):
@@ -249,108 +298,17 @@ def _line_by_line(path: Path, lines: list[str], form: _Form) -> Array:
     return np.array(places, dtype=np.float64).reshape(-1, 3)
 
 
+def _are_names(above: list[str], form: _Form) -> bool:
+    """Return whether a line above more than three columns has a word for each of them."""
+    words = [word.strip() for line in above for word in line.lstrip("#/%").split(form.separator)]
+    return 3 < form.width == len(words) and not any(map(is_number, words))
+
+
 def _counts_lines(lines: list[str], form: _Form) -> bool:
     """Return whether the first column is 0, 1, 2, ... or 1, 2, 3, ..."""
     rows = [_numbers(x, form.separator, form.decimal) for x in lines[form.first :][:_SAMPLE]]
     first = np.array([row[0] for row in rows if len(row) == form.width])
     return len(first) > 8 and first[0] in (0.0, 1.0) and bool((np.diff(first) == 1.0).all())
-
-
-def _pcd(path: Path) -> Array:
-    """Return the points of a PCD file: ascii, binary or binary_compressed."""
-    data = path.read_bytes()
-    match = re.search(rb"^\s*DATA\s+(\w+)[ \t]*\r?\n", data, re.MULTILINE)
-    if match is None:
-        raise AsperityError(f"{path}: cannot be read as a .pcd file: its head has no line DATA")
-    head = {}
-    for line in data[: match.start()].decode("latin-1").splitlines():
-        key, *values = line.split() or [""]
-        head[key.upper()] = values
-    names = [name.lower() for name in head.get("FIELDS", head.get("COLUMNS", []))]
-    try:
-        sizes = [int(size) for size in head["SIZE"]]
-        types = [_PCD_TYPES[kind.upper()] for kind in head["TYPE"]]
-        counts = [int(count) for count in head.get("COUNT", ["1"] * len(names))]
-        points = int((head.get("POINTS") or ["-1"])[0])
-        if points < 0:
-            points = math.prod(int(head[key][0]) for key in ("WIDTH", "HEIGHT"))
-        if not len(names) == len(sizes) == len(types) == len(counts) or min(counts) < 0:
-            raise ValueError
-        dtype = np.dtype(
-            [
-                (f"{i}", f"<{kind}{size}", (count,))
-                for i, (kind, size, count) in enumerate(zip(types, sizes, counts, strict=True))
-            ]
-        )
-    except (KeyError, ValueError, TypeError, IndexError):
-        raise AsperityError(
-            f"{path}: cannot be read as a .pcd file: its head needs FIELDS, SIZE, TYPE and POINTS"
-        ) from None
-    if any(axis not in names for axis in "xyz"):
-        raise AsperityError(f"{path}: its fields are {' '.join(names)[:80]}; valid: x, y and z too")
-    at = [names.index(axis) for axis in "xyz"]
-    body, form = data[match.end() :], match.group(1).lower()
-    if form == b"ascii":
-        return _pcd_text(path, body, points, np.cumsum([0, *counts])[at], sum(counts))
-    if form == b"binary":
-        whole = _whole(path, body, points * dtype.itemsize)
-        rows = np.frombuffer(whole, dtype, points)
-        return np.stack([rows[f"{k}"][:, 0] for k in at], axis=1, dtype=np.float64)
-    if form != b"binary_compressed":
-        raise AsperityError(
-            f"{path}: its DATA is {form.decode()[:20]!r}; valid: ascii, binary, binary_compressed"
-        )
-    packed, size = (int.from_bytes(body[k : k + 4], "little") for k in (0, 4))
-    if size != points * dtype.itemsize:
-        raise AsperityError(
-            f"{path}: it is damaged: {points} points need {points * dtype.itemsize} bytes, "
-            f"{size} are packed"
-        )
-    whole = _unpacked(path, _whole(path, body[8:], packed), size)
-    # Compressed, each field stands by itself.
-    starts = points * np.cumsum([0, *(dtype[i].itemsize for i in range(len(names)))])
-    columns = [
-        np.frombuffer(whole, dtype[k].base, points * counts[k], starts[k])[:: counts[k]] for k in at
-    ]
-    return np.stack(columns, axis=1, dtype=np.float64)
-
-
-def _pcd_text(path: Path, body: bytes, points: int, at: NDArray[Any], width: int) -> Array:
-    words = body.split()
-    if len(words) < points * width or max(map(len, words), default=0) > 60:
-        raise AsperityError(
-            f"{path}: it is cut short or damaged: {points} points need {points * width} numbers, "
-            f"there are {len(words)}"
-        )
-    rows = np.array(words[: points * width], dtype=bytes).reshape(points, width)
-    try:
-        return rows[:, at].astype(np.float64)
-    except ValueError as error:
-        raise AsperityError(f"{path}: it is damaged: {str(error)[:80]}") from None
-
-
-def _whole(path: Path, data: bytes, size: int) -> bytes:
-    """Return the first bytes of data; raise if there are fewer."""
-    if len(data) < size:
-        raise AsperityError(
-            f"{path}: it is cut short: its head announces {size} bytes, there are {len(data)}"
-        )
-    return data[:size]
-
-
-def _unpacked(path: Path, packed: bytes, size: int) -> bytes:
-    """Return data that LZF has compressed, which HDF5 has a filter for."""
-    import h5py
-
-    if size == 0 or size > 1000 * max(len(packed), 1):
-        raise AsperityError(f"{path}: it is damaged: {len(packed)} bytes cannot hold {size}")
-    with h5py.File("unpacked", "w", driver="core", backing_store=False) as file:
-        data = file.create_dataset("data", (size,), "u1", chunks=(size,), compression="lzf")
-        data.id.write_direct_chunk((0,), packed)
-        try:
-            return bytes(data[()])
-        except (OSError, RuntimeError):
-            raise AsperityError(f"{path}: it is damaged: LZF cannot unpack it") from None
 
 
 def _check_las_head(path: Path) -> None:

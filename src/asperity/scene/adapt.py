@@ -19,7 +19,7 @@ from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import length
 from asperity.geometry.poses import rotation_of
 from asperity.scene.friction import frictions
-from asperity.scene.mjcf import compiled, is_touchable
+from asperity.scene.mjcf import compiled, is_touchable, mujoco_s_words
 from asperity.texture.height_field import HeightField
 
 _FEWEST = 4
@@ -78,9 +78,19 @@ def adapted(xml: str, tool: object = None) -> Adapted:
         MJCF that refers to no files.
     tool : str, optional
         Name of the body that is held; one that the file lacks is no error here. By default the
-        only body with a freejoint.
+        only body with a freejoint, else the only mocap body.
     """
-    model = compiled(xml)
+    model, spec = compiled(xml), None
+    notes: list[str] = []
+    mocap = _mocap_tool(model, tool)
+    if mocap:
+        spec = mujoco.MjSpec.from_string(xml)
+        spec.compile()  # numbers its bodies
+        moved = next(body for body in spec.bodies if body.id == mocap)
+        moved.mocap = False
+        moved.add_freejoint()
+        model = _made(spec)
+        notes.append("the tool is a mocap body: it is held as one with a freejoint")
     touched = [i for i in range(model.ngeom) if is_touchable(model, i)]
     names = _names(model, touched)
     if tool is None:
@@ -93,9 +103,9 @@ def adapted(xml: str, tool: object = None) -> Adapted:
     on_tool = [i for i in touched if moves and _is_fixed_to(model, i, tool_id)]
     for i in on_tool:  # their bodies need none
         names.pop(int(model.geom_bodyid[i]), None)
-    out = Adapted(model, tool=str(tool))
+    out = Adapted(model, spec, tool=str(tool), notes=notes)
     if names or fields or on_tool:
-        spec = out.spec = mujoco.MjSpec.from_string(xml)
+        spec = out.spec = spec or mujoco.MjSpec.from_string(xml)
         spec.compile()  # numbers its geoms and bodies, until one is added
         spec.compiler.discardvisual = False
         bodies = {body.id: body for body in spec.bodies}
@@ -107,13 +117,29 @@ def adapted(xml: str, tool: object = None) -> Adapted:
             _merge(model, bodies, geoms, on_tool, tool_id, out)
         for number in fields:
             _plate(model, bodies, geoms[number], touched, out)
-        try:
-            out.model = spec.compile()
-        except ValueError as error:
-            reason = " ".join(str(error).split())[:200]
-            raise AsperityError(f"scene.xml cannot be adapted: {reason}") from None
+        out.model = _made(spec)
     _read_contact(xml, out)
     return out
+
+
+def _made(spec: Any) -> mujoco.MjModel:
+    """Return the model of a changed spec."""
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise AsperityError(f"scene.xml cannot be adapted: {mujoco_s_words(error)}") from None
+
+
+def _mocap_tool(model: mujoco.MjModel, tool: object) -> int:
+    """Return the number of the tool if it is a mocap body, 0 otherwise.
+
+    Without a name the only mocap body is the tool, unless a body has a freejoint.
+    """
+    mocap = [i for i in range(model.nbody) if model.body_mocapid[i] >= 0]
+    if tool is not None:
+        return next((i for i in mocap if model.body(i).name == tool), 0)
+    free = (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any()
+    return mocap[0] if len(mocap) == 1 and not free else 0
 
 
 def _is_fixed_to(model: mujoco.MjModel, geom: int, body: int) -> bool:

@@ -32,6 +32,8 @@ MOST_SEEN = 50_000
 """A mesh of more triangles is not written into the XML to be seen."""
 _FILES = re.compile(r"<robot\b|\bfile\w*\s*=")
 """What is read through MuJoCo's own reader: URDF, and MJCF that names files."""
+_PACKAGE = re.compile(r"package://([^/\"']+)/([^\"']+)")
+"""A file of a package of ROS."""
 TRIPLES_A_LINE = 8
 """Triples of numbers in a line of the XML."""
 MODEL = """<mujoco model="{name}">
@@ -92,7 +94,12 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
         if not _FILES.search(xml):
             return xml, ()
         # Through MuJoCo's own reader, so that files are found beside this one.
-        spec = mujoco.MjSpec.from_file(str(path))
+        here = _without_packages(xml, path.resolve())
+        if here == xml:
+            spec = mujoco.MjSpec.from_file(str(path))
+        else:
+            spec = mujoco.MjSpec.from_string(here)
+            spec.modelfiledir = str(path.parent)
         model = spec.compile()
         for mesh in spec.meshes:
             if mesh.file:
@@ -108,6 +115,22 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
         return spec.to_xml(), notes
     except (ValueError, OSError) as error:
         raise AsperityError(_refusal(path, error)) from None
+
+
+def _without_packages(xml: str, path: Path) -> str:
+    """Return the text of a URDF whose `package://` are paths of files, where they are there.
+
+    A package is a folder of its name, of this file or beside one of its; or it is this file's,
+    whatever its folder is called.
+    """
+
+    def found(match: re.Match[str]) -> str:
+        package, rest = match.groups()
+        places = [place for above in path.parents for place in (above / package, above)]
+        own = next((place / rest for place in places if (place / rest).is_file()), None)
+        return match.group() if own is None else own.as_posix()
+
+    return _PACKAGE.sub(found, xml)
 
 
 def _write_in(mesh: Any, model: mujoco.MjModel) -> None:
@@ -142,7 +165,7 @@ def _refusal(path: object, error: Exception) -> str:
     reason = " ".join(str(error).split())
     lost = re.search(r"Error opening file '([^']*)'", reason)
     if lost:
-        ros = "not of ROS (package://), " if lost.group(1).startswith("package:") else ""
+        ros = "or from that of the package, " if lost.group(1).startswith("package:") else ""
         return (
             f"{path} names the file {lost.group(1)[-100:]!r}, which cannot be opened; valid: a "
             f"path from its folder, {ros}or from meshdir, texturedir or assetdir"
@@ -153,7 +176,20 @@ def _refusal(path: object, error: Exception) -> str:
             f"{path} names the mesh {Path(unknown.group(1)).name[-100:]!r}, of a kind that is not "
             "read; valid: .stl, .obj or .msh"
         )
-    return f"{path} is not MJCF: {reason[:250]}"
+    return f"{path} is not MJCF: {mujoco_s_words(error)}"
+
+
+def mujoco_s_words(error: Exception) -> str:
+    """Return in a part of a line what MuJoCo states, without the names of its exceptions."""
+    reason = " ".join(str(error).split())
+    damaged = re.search(
+        r"Error=XML_ERROR_(\w+) .*?Line number=(\d+)(?:: XMLElement name=(\w+))?", reason
+    )
+    if damaged:
+        kind, line, element = damaged.groups()
+        where = f" at <{element}>" if element else ""
+        return f"its XML is damaged in line {line}{where} ({kind.replace('_', ' ').lower()})"
+    return re.sub(r"^(?:(?:XML )?Error: |Schema violation: )+", "", reason)[:200]
 
 
 def model_mesh(model: mujoco.MjModel, number: int) -> tuple[Array, Indices]:
@@ -206,9 +242,14 @@ def tool_start(model: mujoco.MjModel, tool: str) -> Array:
         if body != tool:
             raise AsperityError(f"body {body!r} has a joint; only the tool ({tool!r}) may move")
         if not free:
-            raise AsperityError(f"the tool {tool!r} has a joint that is no freejoint")
+            raise AsperityError(
+                f"the tool {tool!r} has a joint that is no freejoint; valid: a freejoint alone, as "
+                "the hand or the trajectory moves it"
+            )
     if model.njnt == 0:
-        raise AsperityError(f"the tool {tool!r} must have a freejoint; scene.xml has no joint")
+        raise AsperityError(
+            f"the tool {tool!r} must have a freejoint, or be a mocap body; scene.xml has no joint"
+        )
     return require_pose(model.qpos0[:7], f"pose of {tool!r}")
 
 

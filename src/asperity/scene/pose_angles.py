@@ -23,6 +23,7 @@ _RATES = frozenset(
 """Words of columns that hold no angle of a pose."""
 _ENTRY = re.compile(r"(?:.*[^A-Za-z])?(?:r|m|t|h|rot|mat|matrix|tf|transform|pose)[\W_]*"
                     r"([0-4])[\W_]?([0-4])[\W_]*", re.IGNORECASE)  # fmt: skip
+_NUMBERED = re.compile(r"(.*?)[\W_]*(\d\d?)[\W_]*")
 _UR = re.compile(r"(actual|target)_tcp_pose_([0-5])", re.IGNORECASE)
 
 
@@ -101,7 +102,22 @@ def _matrix(names: Sequence[str]) -> Turn | None:
         wanted = [(first + i, first + j) for i in range(rows) for j in range(columns)]
         if all(entry in found for entry in wanted):
             return Turn(tuple(found[entry] for entry in wanted), "matrix")
-    return None
+    return _flat_matrix(names)
+
+
+def _flat_matrix(names: Sequence[str]) -> Turn | None:
+    """Return the 16 entries of a matrix that are numbered through, as `O_T_EE[0]` of Franka's.
+
+    By rows or by columns: where its 0 0 0 1 is shows that.
+    """
+    found: dict[str, dict[int, int]] = {}
+    for at, name in enumerate(names):
+        entry = _NUMBERED.fullmatch(name.strip())
+        if entry is not None:
+            found.setdefault(entry.group(1), {})[int(entry.group(2))] = at
+    whole = {name: own for name, own in found.items() if {*own} == {*range(16)}}
+    own = whole.get("O_T_EE", next(iter(whole.values())) if len(whole) == 1 else None)
+    return None if own is None else Turn(tuple(own[k] for k in range(16)), "matrix")
 
 
 def robot_columns(names: Sequence[str]) -> tuple[int, ...] | None:

@@ -34,8 +34,8 @@ def _set(words: str) -> frozenset[str]:
 
 
 _TIMES = _set(
-    "time timestamp stamp timestamps times t sec secs seconds zeit temps tiempo tempo elapsed "
-    "nanosec nsecs"
+    "time timestamp stamp stamps timestamps times t sec secs seconds zeit temps tiempo tempo "
+    "elapsed nanosec nsecs"
 )
 _FRACTIONS = ("nsec", "nsecs", "nanosec", "nanosecs")
 """Names of the nanoseconds beside whole seconds."""
@@ -152,6 +152,9 @@ def layout_of(path: object, names: Sequence[str]) -> Layout:
     if all(bare[axis] for axis in "xyz") and (turned or "x" not in found):
         # Beside them, tx is a torque: it is left out.
         found |= {axis: bare.pop(axis) for axis in "xyz"}
+    elif not bare["w"] and all(axis in found or bare[axis] for axis in "xyz"):
+        # A body's name may stand before the first of its columns alone: "tool X", "Y", "Z".
+        found |= {axis: bare.pop(axis) for axis in "xyz" if axis not in found}
     for axis, alone in bare.items():
         if alone and f"q{axis}" not in found:
             found[f"q{axis}"] = alone

@@ -40,7 +40,7 @@ def named_layout(
     timeless = None
     for columns in made:
         try:
-            layout = _layout(path, columns, rate)
+            layout = named_columns(path, columns, rate)
             if layout.places[0] >= 0:
                 return layout
             timeless = timeless or layout
@@ -84,7 +84,7 @@ def _joined(line: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{a} {b}".strip() for a, b in zip(line, names, strict=True))
 
 
-def _layout(path: object, names: Sequence[str], rate: float | None) -> Layout:
+def named_columns(path: object, names: Sequence[str], rate: float | None) -> Layout:
     """Return the layout of names; frames are times where nothing else is and their rate is known.
 
     Raises `AsperityError` if they do not make a pose.
@@ -112,7 +112,7 @@ def _bodies(
                 for n, (name, o) in enumerate(zip(names, owners, strict=True))
             ]
             try:
-                yield body, _layout(path, own, rate)
+                yield body, named_columns(path, own, rate)
                 break
             except AsperityError:
                 continue

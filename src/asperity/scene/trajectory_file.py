@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.files import reading
 from asperity._core.text_table import TextTable, read_text_table
 from asperity._core.units import ANGLES, LENGTHS, TIMES
 from asperity.errors import AsperityError, require_choice, require_positive
 from asperity.scene.clock_times import in_seconds
+from asperity.scene.pose_arrays import array_columns
 from asperity.scene.pose_columns import COLUMNS, MATRICES, ORDERS, Layout, layout_in_order
-from asperity.scene.pose_names import named_layout
+from asperity.scene.pose_names import named_columns, named_layout
 from asperity.scene.pose_turns import CONVENTIONS, are_blocks, in_quaternions, matrix_layout
 from asperity.scene.trajectory import Trajectory
 
@@ -241,22 +241,17 @@ def _no_names(path: Path, order: str | None, values: Array) -> tuple[Layout, tup
 
 
 def _read_arrays(path: Path, order: str | None, rate: float | None) -> _Table:
-    with reading(path, "poses", (".npy", ".npz")) as suffix, open(path, "rb") as stream:
-        loaded = np.load(stream, allow_pickle=False)
-        if suffix == ".npz":
-            if not {"times", "poses"} <= set(loaded):
-                raise AsperityError(f"{path} needs the arrays times (n,) and poses (n, 7)")
-            times, poses = loaded["times"], loaded["poses"]
-            flat = poses.reshape(len(poses), -1) if poses.ndim == 3 else poses
-            if times.ndim != 1 or flat.shape not in [(len(times), k) for k in (7, 12, 16)]:
-                shapes = f"times {times.shape} and poses {poses.shape}"
-                raise AsperityError(
-                    f"{path} has {shapes}; valid: (n,) and (n, 7), (n, 3, 4) or (n, 4, 4)"
-                )
-            loaded = np.column_stack([times, flat])
-        if loaded.dtype.kind not in "uif":
-            raise AsperityError(f"{path} holds {loaded.dtype} values; valid: real numbers")
-        values = np.array(loaded, dtype=np.float64)
+    names, values, said = array_columns(path)
+    if names is not None:
+        layout = (
+            named_columns(path, names, rate)
+            if order is None
+            else layout_in_order(path, order, len(names))
+        )
+        if layout.left_out:
+            said = (*said, f"columns left out: {', '.join(layout.left_out)[:120]}")
+        chosen, timed = _timed(path, _chosen(values, layout), layout, rate)
+        return _Table(chosen, layout, (*said, *timed), named=not said)
     if values.shape[1:] in ((3, 4), (4, 4)) and len(values):
         values = values.reshape(len(values), -1)
     if values.ndim != 2 or len(values) == 0 or (order is None and values.shape[1] not in _WIDTHS):

@@ -117,9 +117,8 @@ def read_contents(path: Path) -> Contents:
     with reading(path, "a mesh", SUFFIXES) as suffix:
         contents = _READERS[suffix](path)
     if not contents.parts:
-        raise AsperityError(
-            f"{path}: there are no triangles in it (points or lines only?); valid: one at least"
-        )
+        why = "; ".join(contents.notes)[:150] or "points or lines only?"
+        raise AsperityError(f"{path}: there are no triangles in it ({why}); valid: one at least")
     contents.parts = [_laid(part, contents) for part in contents.parts]
     return contents
 

@@ -162,10 +162,7 @@ class _Reader(GltfFile):
 
     def _faces(self, primitive: dict[str, Any], mode: int, count: int) -> Indices:
         """Return the triangles (m, 3) of a primitive."""
-        if "indices" in primitive:
-            run = self.accessor(primitive["indices"], 1)[:, 0].astype(np.int64)
-        else:
-            run = np.arange(count)
+        run = self.indices(primitive["indices"]) if "indices" in primitive else np.arange(count)
         if mode == _STRIP:
             return np.asarray(strip_triangles(run), dtype=np.int64)
         if mode == _FAN:

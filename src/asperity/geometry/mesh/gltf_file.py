@@ -16,7 +16,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from asperity._core.arrays import Array
+from asperity._core.arrays import Array, Indices
 from asperity._core.files import find_named, text_of
 from asperity.errors import AsperityError
 
@@ -129,8 +129,15 @@ class GltfFile:
         if note not in self.notes:
             self.notes.append(note)
 
+    def indices(self, number: Any) -> Indices:
+        """Return the whole numbers of an accessor (n,)."""
+        return self._values(number, 1, np.int64)[:, 0]
+
     def accessor(self, number: Any, width: int) -> Array:
         """Return the values of an accessor (n, width), integers normalised where it is stated."""
+        return self._values(number, width, np.float64)
+
+    def _values(self, number: Any, width: int, wanted: type[Any]) -> Any:
         accessor = self.item("accessors", number)
         where = f"accessors[{number}]"
         kind, count = accessor.get("componentType"), accessor.get("count")
@@ -140,11 +147,11 @@ class GltfFile:
             raise self.refused(f"{where}.count is {str(count)[:20]}")
         dtype = np.dtype("<" + _COMPONENTS[kind])
         if "bufferView" in accessor:
-            out = self._stored(where, accessor, dtype, count, width).astype(np.float64)
+            out = self._stored(where, accessor, dtype, count, width).astype(wanted)
         elif count > 2**27:
             raise self.refused(f"{where}.count is {count}")
         else:
-            out = np.zeros((count, width))
+            out = np.zeros((count, width), dtype=wanted)
         if "sparse" in accessor:
             sparse = accessor["sparse"]
             few = sparse["count"]
@@ -153,7 +160,7 @@ class GltfFile:
             if len(at) and at.max() >= count:
                 raise self.refused(f"{where}.sparse names value {at.max()} of {count}")
             out[at] = self._stored(where, sparse["values"], dtype, few, width)
-        if accessor.get("normalized") and dtype.kind != "f":
+        if accessor.get("normalized") and dtype.kind != "f" and wanted is np.float64:
             out = np.maximum(out / np.iinfo(dtype).max, -1.0)
         return out
 

@@ -169,7 +169,7 @@ def _with_map(material: Material, kind: str, rest: str, library: Path) -> Materi
     if kind == "displacement" and len(given.get("-mm", [])) == 2:
         low, gain = given["-mm"]
         picture = picture._replace(height_range=gain, low=low)
-    if kind == "normal" and "-bm" in given:
+    if kind in ("normal", "bump") and "-bm" in given:  # a bump map may be one of normals
         picture = picture._replace(scale=given["-bm"][0])
     placing = material.placing
     if kind in FELT and (kind == material.felt or material.felt is None):

@@ -45,18 +45,21 @@ def _text(path: Path, text: str, out: Contents) -> Array:
     found = _VERTEX.findall(text)
     if not found:
         return np.zeros((0, 3, 3))
-    vertices = columns_of(found, (0, 1, 2))
+    solids, ends = (
+        len(re.findall(rf"^\s*{word}\b", text, flags=re.IGNORECASE | re.MULTILINE))
+        for word in ("solid", "endsolid")
+    )
+    cut = len(found) % 3 or ends < solids
+    if cut and not _is_place(found[-1]):  # within the last of its lines
+        found.pop()
+    vertices = columns_of(found, (0, 1, 2)) if found else np.zeros((0, 3))
     if vertices is None:
         vertices = columns_of([row.replace(",", ".") for row in found], (0, 1, 2))
         if vertices is None or len(vertices) != len(found):
             wrong = next((row for row in found if not _is_place(row)), found[0]).strip()
             raise AsperityError(f"{path}: a vertex is {wrong[:60]!r}; valid: 3 numbers")
         out.notes.append("its numbers have decimal commas")
-    solids, ends = (
-        len(re.findall(rf"^\s*{word}\b", text, flags=re.IGNORECASE | re.MULTILINE))
-        for word in ("solid", "endsolid")
-    )
-    if len(vertices) % 3 or ends < solids:
+    if cut:
         raise AsperityError(
             f"{path}: it is cut short after {count_of(len(vertices), 'vertex', 'vertices')}; "
             "valid: endsolid at its end, three vertices a triangle"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import io
+import re
 import zipfile
 from collections.abc import Iterator
 from contextlib import redirect_stderr
@@ -31,6 +32,8 @@ _INPUTS = {
     "roughness": "roughness",
 }  # fmt: skip
 _MOST_PARTS = 100_000
+_COORDINATES = re.compile(r"(st|uv|uvmap|map|texcoord)_?\d*", re.IGNORECASE)
+"""Names of texture coordinates whose type does not state that they are any."""
 
 
 def read_usd(path: Path) -> Contents:
@@ -102,11 +105,16 @@ class _Reader:
         """Read the parts of an open stage."""
         usd, geom = self.pxr.Usd, self.pxr.UsdGeom
         self._read_units(stage)
+        errors = " ".join(map(str, stage.GetCompositionErrors()))
+        for lost in dict.fromkeys(re.findall(r"Could not open asset @([^@]+)@", errors)):
+            self._note(f"a file that it refers to is not there: {Path(lost).name}")
         time = usd.TimeCode.EarliestTime()
         frames = geom.XformCache(time)
         for prim in usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()):
+            if prim.IsA(geom.PointInstancer):
+                self._note("a PointInstancer is left out: what it repeats is there once")
             if not prim.IsA(geom.Mesh):
-                if prim.IsA(geom.Gprim) and not prim.IsA(geom.Mesh):
+                if prim.IsA(geom.Gprim):
                     self._note(f"{prim.GetTypeName()} in it is left out: only meshes are read")
                 continue
             imageable = geom.Imageable(prim)
@@ -152,6 +160,12 @@ class _Reader:
         if mesh.GetSubdivisionSchemeAttr().Get() != "none" and not self._normals(mesh, time):
             self._note("its subdivision is left out: the mesh is taken as its control cage")
         triangles, polygon = triangulated(points[at], counts)
+        holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or (), dtype=np.int64)
+        if len(holes):
+            whole = ~np.isin(polygon, holes)
+            triangles, polygon = triangles[whole], polygon[whole]
+        if not len(triangles):
+            return
         if mesh.GetOrientationAttr().Get() == geom.Tokens.leftHanded:
             triangles = triangles[:, ::-1]
         uv, normals = self._uv(prim, time), self._normals(mesh, time)
@@ -176,7 +190,7 @@ class _Reader:
             primvar
             for primvar in self.pxr.UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
             if str(primvar.GetTypeName()) in ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]")
-            or (primvar.GetPrimvarName() in ("st", "uv", "UVMap") and primvar.HasValue())
+            or (_COORDINATES.fullmatch(str(primvar.GetPrimvarName())) and primvar.HasValue())
         ]
         found.sort(key=lambda primvar: str(primvar.GetPrimvarName()) != "st")
         if not found:

@@ -163,6 +163,10 @@ def unit_vectors(pixels: NDArray[Any]) -> tuple[Array, str]:
     upright = vectors[..., 2].mean() > 0.5
     if off.mean() < 0.03 and upright:
         return vectors, ""
+    # Some programs store blue from 0 to 1, as it is never below 0.
+    from_0 = np.stack([vectors[..., 0], vectors[..., 1], 0.5 * vectors[..., 2] + 0.5], axis=2)
+    if upright and np.quantile(np.abs(np.linalg.norm(from_0, axis=2) - 1.0), 0.99) < 0.02:
+        return from_0, "its blue is z from 0 to 1: so read, its normals are of length 1"
     # Scaled, averaged or clipped normals: none is far from a unit vector, few lie on their side.
     near = np.mean(off < 0.45) > 0.98 and np.mean(vectors[..., 2] > 0.0) > 0.98
     leans = np.abs(vectors[..., :2].mean(axis=(0, 1))).max()

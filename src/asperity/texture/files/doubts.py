@@ -14,6 +14,8 @@ _SMALLEST_PIXEL = 1e-10
 """Beyond these a texture that is touched is not plausible [m]; an atom has 1e-10 m."""
 _OFTEN = (0.0, -1.0, -99.0, -999.0, -9999.0, 9999.0, -32767.0, -32768.0, 65535.0)
 """Numbers that stand for missing values."""
+_ONCE = (-9999.0, -32767.0, -32768.0)
+"""Those that hardly are a height, however seldom they occur."""
 _FAR, _OFTEN_FAR = 10.0, 2.0
 """Distance from all others, in their range, from which a value is suspected."""
 # Multiples of the golden ratio meet all columns, which even steps through the rows do not.
@@ -39,12 +41,11 @@ def doubts(heights: Array, pixel_size: tuple[float, float], relief: float) -> li
         From the lowest to the highest height [m].
     """
     sides = [n * p for n, p in zip(heights.shape[::-1], pixel_size, strict=False)]
-    size = " x ".join(f"{1e3 * side:.4g}" for side in sides)
     pixel = min(pixel_size) if min(pixel_size) < _SMALLEST_PIXEL else max(pixel_size)
     notes = []
     if pixel < _SMALLEST_PIXEL or pixel > _LARGEST_PIXEL or max(sides) > _LARGEST_MAP:
         notes.append(
-            f"{DOUBT} A pixel size of {1e3 * pixel:.4g} mm, a map of {size} mm: "
+            f"{DOUBT} A pixel size of {1e3 * pixel:.4g} mm, a map of {_size(sides)} mm: "
             "check the unit, or give pixel_size"
         )
     if relief == 0.0:
@@ -54,10 +55,14 @@ def doubts(heights: Array, pixel_size: tuple[float, float], relief: float) -> li
         doubtful = _rms_slope(heights, pixel_size[0]) > _STEEPEST
     if doubtful:
         notes.append(
-            f"{DOUBT} A relief of {1e3 * relief:.4g} mm on a map of {size} mm: check "
+            f"{DOUBT} A relief of {1e3 * relief:.4g} mm on a map of {_size(sides)} mm: check "
             "the heights' unit, or give unit or height_range"
         )
     return notes
+
+
+def _size(sides: list[float]) -> str:
+    return " x ".join(f"{1e3 * side:.4g}" for side in sides)
 
 
 def _rms_slope(heights: Array, pixel: float) -> float:
@@ -70,8 +75,8 @@ def _rms_slope(heights: Array, pixel: float) -> float:
 def sentinel_note(values: Array, low: float, high: float) -> str | None:
     """Return a doubt of a lowest or highest value that looks like one for missing ones.
 
-    It occurs more than once, and lies further from all others than ten times their range; twice
-    their range, if it is 0 or a number that programs often take.
+    It occurs more than once, or is one of `_ONCE`, and lies further from all others than ten times
+    their range; twice their range, if it is 0 or a number that programs often take.
 
     Parameters
     ----------
@@ -92,13 +97,15 @@ def sentinel_note(values: Array, low: float, high: float) -> str | None:
     for extreme, side in ((low, finite > middle), (high, finite < middle)):
         count = int(np.count_nonzero(finite == extreme))
         others = finite[side]
-        if not 2 <= count < finite.size or others.size != finite.size - count:
+        least_often = 1 if extreme in _ONCE else 2
+        if not least_often <= count < finite.size or others.size != finite.size - count:
             continue
         least, most = float(others.min()), float(others.max())
         far = _OFTEN_FAR if extreme in _OFTEN else _FAR
         if min(abs(least - extreme), abs(most - extreme)) > far * (most - least) > 0.0:
+            often = "once" if count == 1 else f"{count} times"
             return (
-                f"is {extreme:g} a missing value? It occurs {count} times, far from all others "
+                f"is {extreme:g} a missing value? It occurs {often}, far from all others "
                 f"({least:g} to {most:g}): nodata={extreme:g}"
             )
     return None

@@ -183,6 +183,8 @@ def _read_pillow(path: Path) -> _Picture:
         elif image.mode in _AS_STORED or image.mode.startswith("I;16"):
             pixels = np.asarray(image)
         else:
+            if image.mode == "CMYK":
+                notes = (*notes, "its inks (CMYK) are turned into red, green and blue")
             pixels = np.asarray(image.convert("L" if image.mode == "1" else "RGB"))
     return _upright(_Picture(pixels, notes), orientation)
 
@@ -226,13 +228,12 @@ def _open_tiff(path: Path) -> Iterator[Any]:
     import tifffile
 
     log = logging.getLogger("tifffile")
-    level = log.level
-    log.setLevel(logging.CRITICAL)  # it prints what it cannot parse; asperity parses that itself
+    was, log.disabled = log.disabled, True  # of what it cannot parse; asperity parses that itself
     try:
         with tifffile.TiffFile(path) as file:
             yield file
     finally:
-        log.setLevel(level)
+        log.disabled = was
 
 
 def _tiff_page(path: Path, file: Any) -> _Picture:

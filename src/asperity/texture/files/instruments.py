@@ -49,6 +49,9 @@ def load_instrument(path: Path) -> Stored:
         source = _standard_x3p(path)
     elif suffix in _DIGITAL_SURF:
         source = uncompressed(path) or source
+    elif suffix == ".sdf" and (head := path.read_bytes()[1:4]) == b"BCR":
+        # The same before it was a norm (EUR 15178): ISO 25178-71 and it differ in this word alone.
+        source = io.BytesIO(path.read_bytes().replace(head, b"ISO", 1))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with _opened(path, source, surfaces) as reader:

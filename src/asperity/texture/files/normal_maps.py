@@ -48,7 +48,7 @@ from asperity.texture.files.stored import refuse
 
 _GREEN = {"opengl": "up", "directx": "down"}
 _IN_NAME = re.compile(
-    r"(?:[\W_](?:(gl|opengl)|dx|directx)|(?<=[a-z])(?-i:(?:(GL|OpenGL)|DX|DirectX)))(?=[\W_\d]|$)",
+    r"(?:[\W_](?:(o?gl|opengl)|dx|directx)|(?<=[a-z])(?-i:(?:(O?GL|OpenGL)|DX|DirectX)))(?=[\W_\d]|$)",
     re.IGNORECASE,
 )
 CONVENTIONS = ("opengl", "directx", "auto")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
-import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import SurfaceError
@@ -39,7 +39,7 @@ class Stored(NamedTuple):
 
 def check_size(path: Path, *shape: int) -> None:
     """Raise `SurfaceError` if a map of `shape` is larger than `MAX_SAMPLES`."""
-    if np.prod(shape, dtype=float) > MAX_SAMPLES:
+    if math.prod(shape) > MAX_SAMPLES:
         size = " x ".join(str(n) for n in shape)
         raise SurfaceError(
             f"{path}: {size} samples are too many; valid: at most {MAX_SAMPLES} (8192 x 16384)"

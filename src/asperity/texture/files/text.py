@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from asperity._core.arrays import Array
 from asperity._core.text_table import TextTable, is_number, read_text_table
-from asperity._core.units import LENGTHS, named_unit, short_unit
+from asperity._core.units import LENGTHS, length_of, named_unit, short_unit
 from asperity.errors import SurfaceError
 from asperity.texture.files.interferometers import is_wyko, is_zygo, load_wyko, load_zygo
 from asperity.texture.files.points import Grid, on_grid, profile, scattered
@@ -51,7 +52,7 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
         return load_wyko(table)
     values = table.values()
     values = values[:, ~np.isnan(values).all(axis=0)] if np.isnan(values[0]).any() else values
-    names = table.names
+    names = _names(table)
     if names is not None and len(names) != values.shape[1]:
         names = names[: values.shape[1]] if not any(names[values.shape[1] :]) else None
     header = read_header(table.header, names, values.shape[1])
@@ -64,6 +65,18 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
     if columns is not None:
         return _from_columns(path, values, names, columns, pixel_size)
     return _without_axes(_matrix(table, values, header), names)
+
+
+def _names(table: TextTable) -> tuple[str, ...] | None:
+    """Return the names of the columns, with the units that another line below them states."""
+    names = table.names
+    units = [name.strip("[]() ") for name in names or ()]
+    if names is None or not any(units) or not all(length_of(u) or u in ("", "-") for u in units):
+        return names
+    above = replace(table, header=table.header[:-1]).names
+    if above is None:
+        return names
+    return tuple(f"{name} [{u}]" if u else name for name, u in zip(above, units, strict=True))
 
 
 def _columns(values: Array, names: Sequence[str] | None) -> tuple[int, ...] | None:

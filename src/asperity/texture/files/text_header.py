@@ -33,7 +33,7 @@ _LABELS = {
         taille de pixel; taille du pixel; sampling interval; sample spacing; tamaño de píxel;
         dimensione pixel; grid spacing; pixel pitch;
         xy-kalibrierung; calibrage xy; étalonnage xy; lateral calibration;
-        resolution xy; xy resolution""",
+        resolution xy; xy resolution; xyキャリブレーション; xy校准; xy标定""",
     "pixel_x": """pixel size x; x pixel size; x-pixel size; dx; x step; x spacing; x increment;
         x resolution; pixel width; x-step; stepx; step x; xscale; x scale; pixel size (x); xdim;
         spacing x; delta x; x-increment; xinc; pixelbreite; x pitch; pitch x""",
@@ -54,7 +54,7 @@ _POWER = re.compile(r"(?:([\d.]+)\s*[×x*·]\s*)?\b10(?:<sup>|\^)([+-]?\d+)(?:</
 """Powers of ten, as Gwyddion writes them."""
 _STEP = re.compile(r"pitch|step|spacing|sampling|resolution|pixel|increment|interval|distance")
 """Words of labels of lengths that are not those of the whole map."""
-_PICTURE = {"horizontal", "vertical", "vertikal", "horizontale", "verticale"}
+_PICTURE = {"horizontal", "vertical", "vertikal", "horizontale", "verticale", "水平", "垂直"}
 """Labels of Keyence's numbers of samples."""
 _PAIR = re.compile(r"\s*([^:=\t,;]+?)\s*[:=\t,;]\s*(.+?)\s*$")
 _SPACED = re.compile(r"\s*([^\W\d][\w ]*?)\s+([+-]?[\d.].*?)\s*$")
