@@ -30,14 +30,8 @@ _LONG = (
     "core/test_shared_compilation.py", "mujoco/test_exploration.py",
 )  # fmt: skip
 """Files (and the page's folder) that take 20 s or more, longest first; their few tests would bring
-them to the end, where one of them leaves the other processes with nothing to do."""
-_BESIDE = "gw2"
-"""The third process of `make test`: what it does waits for no one, and gives way to the others."""
+them to the end, where one of them leaves the other process with nothing to do."""
 _DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
-
-
-if os.environ.get("PYTEST_XDIST_WORKER") == _BESIDE and hasattr(os, "nice"):
-    os.nice(10)
 
 
 @pytest.fixture(scope="session")
@@ -53,20 +47,16 @@ def pytest_xdist_make_scheduler(config, log):
     """Have one process do a file's tests, which share what is made once, and one all of the page.
 
     Two pages with their loops and browsers are more than two cores. By the names of the files, as
-    `--dist loadgroup` of pytest-xdist 3.8 does nothing in pytest 9.2. While the tests of the first
-    two processes wait, a third one has a core.
+    `--dist loadgroup` of pytest-xdist 3.8 does nothing in pytest 9.2. Long files come first.
     """
     from xdist.scheduler import LoadFileScheduling
 
-    waiting = tuple(f"tests/{name}" for name in _WAITING)
-
     class ByFile(LoadFileScheduling):
         def _assign_work_unit(self, node) -> None:
-            beside = node.gateway.id == _BESIDE
-            files = list(self.workqueue)
-            fit = [f for f in files if not (beside and f"{f}/".startswith(waiting))] or files
-            long = [f"tests/{name}" for name in _LONG if f"tests/{name}" in fit]
-            self.workqueue.move_to_end((long or fit)[0], last=False)
+            long = (f"tests/{name}" for name in _LONG)
+            first = next((file for file in long if file in self.workqueue), None)
+            if first is not None:
+                self.workqueue.move_to_end(first, last=False)
             super()._assign_work_unit(node)
 
         def _split_scope(self, nodeid: str) -> str:
