@@ -24,15 +24,12 @@ import numpy as np
 from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.stack import stack_array
 from asperity.contact.soft.layer import layer_pressure
-from asperity.contact.soft.press import (
+from asperity.contact.soft.press import deepest, fill_exit, fill_relative, reaches
+from asperity.contact.soft.taxel_sums import (
     SLIP_SPEED,
     add_taxel,
     clear_sums,
     complete_sums,
-    deepest,
-    fill_exit,
-    fill_relative,
-    reaches,
     take_across,
 )
 

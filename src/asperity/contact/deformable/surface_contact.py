@@ -12,8 +12,8 @@ from asperity._core.kernels import Repeated
 from asperity.contact.deformable.press import press_surface
 from asperity.contact.deformable.records import SurfaceMotion, SurfaceState
 from asperity.contact.deformable.surface import DeformableSurface
-from asperity.contact.soft.press import empty_output
 from asperity.contact.soft.solids import fill_frames, solids_of
+from asperity.contact.soft.taxel_sums import empty_output
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import require_pose, rotation_of
