@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
-from asperity._core.kernels import inner_kernel, kernel
+from asperity._core.kernels import inner_kernel, kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.soft.blocks import BLOCK, NONE, met_by
 from asperity.contact.soft.exits import exit_of
@@ -46,7 +46,7 @@ class TaxelArrays(NamedTuple):
     """`RAYS` records, one for each `BLOCK` taxels."""
 
 
-@inner_kernel
+@small_kernel
 def reaches(solids, relative, x, radius):
     """Return whether a solid may come within a distance of a point (3,) of the skin's frame [m]."""
     for g in range(relative.shape[0]):

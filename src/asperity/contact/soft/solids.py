@@ -114,9 +114,10 @@ def _extent(geometry: Geometry, reach: NDArray[np.void]) -> Array:
     return np.asarray(out + reach["highest"][:, None])
 
 
-def fill_frames(solids: Solids, poses: Sequence[Array]) -> None:
-    """Put the geoms of bodies where these are at poses (7,), one for each body."""
+def fill_frames(solids: Solids, poses: Sequence[Array]) -> list[Array]:
+    """Put the geoms of bodies where these are at poses (7,), one for each; return rotations."""
     geometry, turns = solids.geometry, [rotation_of(pose[3:]) for pose in poses]
     for g, body in enumerate(geometry.body):
         solids.frames[g, :, :3] = turns[body] @ geometry.rotation[g]
         solids.frames[g, :, 3] = turns[body] @ geometry.position[g] + poses[body][:3]
+    return turns
