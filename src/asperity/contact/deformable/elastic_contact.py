@@ -28,6 +28,7 @@ from asperity.contact.deformable.linear_contact import (
     disagreement,
     displaced,
     farthest,
+    first_turned,
     pull_on_modes,
     stored,
     yielding_stiffness,
@@ -46,10 +47,12 @@ _STEP_ERROR = 3e-4
 _NEWTON_STEPS, _HALVINGS = 16, 4
 _CLOSE = 1e-9
 """Largest error of a displacement at rest, over the thickness of the layer [-]."""
-# All rows of numbers here are contiguous.
-_add_product, _agreeing, _disagreement = map(Repeated, (add_product, agreeing_forces, disagreement))
-_displaced, _farthest, _pull_on_modes = map(Repeated, (displaced, farthest, pull_on_modes))
-_stored, _yielding = map(Repeated, (stored, yielding_stiffness))
+# Arrays that these are given are contiguous.
+_add_product, _agreeing = Repeated(add_product), Repeated(agreeing_forces)
+_disagreement, _displaced = Repeated(disagreement), Repeated(displaced)
+_farthest, _first_turned = Repeated(farthest), Repeated(first_turned)
+_pull_on_modes, _stored = Repeated(pull_on_modes), Repeated(stored)
+_yielding = Repeated(yielding_stiffness)
 
 
 class ElasticContact:
@@ -352,11 +355,10 @@ class ElasticContact:
     def _refuse_inverted(self) -> None:
         """Refuse a surface that has turned inside out where it is touched."""
         state, surface = self.surface.state, self.surface.surface
-        touched = state.pressed[: int(state.pressed[-1])]
-        turned = np.einsum("ij,ij->i", state.normal[touched], surface.normals[touched]) <= 0.0
-        if turned.any():
+        turned = _first_turned(state.pressed, state.normal, surface.normals)
+        if turned >= 0:
             raise AsperityError(
-                f"triangle {touched[turned][0]} of {surface.mesh.name!r} has turned inside out: "
+                f"triangle {turned} of {surface.mesh.name!r} has turned inside out: "
                 "the body is pressed harder than a linear one can bear"
             )
 

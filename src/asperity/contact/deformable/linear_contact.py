@@ -31,6 +31,21 @@ def farthest(one, two):
 
 
 @kernel
+def first_turned(pressed, normal, at_rest):
+    """Return the first triangle of `pressed` whose normal points away from that at rest, or -1.
+
+    `pressed` (m + 1,) as in `SurfaceState`; the normals (m, 3).
+    """
+    for row in range(pressed[-1]):
+        f, along = pressed[row], 0.0
+        for i in range(3):
+            along += normal[f, i] * at_rest[f, i]
+        if not along > 0.0:
+            return f
+    return -1
+
+
+@kernel
 def disagreement(free, compliance, force, u, found):
     """Return how far u is from `free + compliance force`, which is filled into `found`; all (n,).
 

@@ -113,7 +113,7 @@ class DeformableSurface:
     def normals(self) -> Array:
         """Unit normal of each triangle at rest, (m, 3)."""
         across = crosses(self.mesh.vertices[self.mesh.faces])
-        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+        return np.ascontiguousarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
     def corner_normals(self, vertices: Array) -> Array:
         """Return the unit normals at the corners of the triangles (m, 3, 3), for places (v, 3)."""

@@ -21,6 +21,7 @@ RAY = np.dtype([
     ("taxel", "i8"),
     # Distance from the smooth sheet and place on the texture: at its start, and by its length.
     ("gap", "f8"), ("u", "f8"), ("v", "f8"), ("rate", "f8"), ("du", "f8"), ("dv", "f8"),
+    ("aside", "f8"),  # sine of its angle with the normal
     # Where on the ray the search is, between which ends, and what it finds there.
     ("s", "f8"), ("low", "f8"), ("high", "f8"), ("floor", "f8"),
     ("t", "f8"), ("t_u", "f8"), ("t_v", "f8"), ("is_read", "?"),
@@ -141,7 +142,8 @@ def leave_sheet(solids, g, rows, taxels, first, last, rays, active):
         ray.s, ray.floor, ray.is_read = ray.high, ray.low, k < 0
         ray.t_u = ray.t_v = 0.0
         if k >= 0 and ray.high > 0.0:
-            if ray.rate > slope * math.sqrt(max(1.0 - ray.rate * ray.rate, 0.0)):
+            ray.aside = math.sqrt(max(1.0 - ray.rate * ray.rate, 0.0))
+            if ray.rate > slope * ray.aside:
                 ray.s = min(max((middle - ray.gap) / ray.rate, 0.0), ray.high)
             active[left] = i
             left += 1
@@ -156,9 +158,8 @@ def leave_sheet(solids, g, rows, taxels, first, last, rays, active):
             if value > 0.0 and ray.s <= 0.0:
                 ray.s = -np.inf
                 continue
-            aside = math.sqrt(max(1.0 - ray.rate * ray.rate, 0.0))
-            steep = slope * aside
-            search = (ray.rate > steep, reach.bend * aside * aside, ray.rate + steep)
+            steep = slope * ray.aside
+            search = (ray.rate > steep, reach.bend * ray.aside * ray.aside, ray.rate + steep)
             rise = ray.rate - ray.t_u * ray.du - ray.t_v * ray.dv
             s, ray.low, ray.high, is_found = advance(ray.s, value, rise, ray.low, ray.high, search)
             if is_found:

@@ -51,8 +51,8 @@ class Solids(NamedTuple):
     bound: Array
     """Radius of a ball round each geom's middle that holds its textured surface [m], (geoms,)."""
     extent: Array
-    """Half sides of a box round each geom's middle that does so, in its frame [m], (geoms, 3).
-    Planes have none below."""
+    """Half sides of a box in each geom's frame, round its middle, that holds its textured surface
+    [m], (geoms, 3); of a plane above it alone."""
     meshes: MeshFacets | None
     """Facets of the geoms that are meshes; None without any."""
 
