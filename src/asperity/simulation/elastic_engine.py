@@ -134,7 +134,7 @@ class ElasticEngine:
     def _press_stopped(self, pose: Array) -> None:
         """Press the layer alone, with the body as it was last."""
         surface = self.elastic.surface
-        surface.place([pose], np.zeros((1, 6)))
+        surface.place([pose])
         surface.press_at(self.elastic.body.mesh.vertices + self._shape, np.zeros_like(self._shape))
         self.contacts.status[0] = _NOT_CERTIFIED
 

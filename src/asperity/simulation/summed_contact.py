@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from asperity._core.arrays import Array
 from asperity.contact.contacts import Contacts
@@ -24,7 +24,7 @@ def fill_summed(contacts: Contacts, push: Array, force: Array, friction: Array) 
     if total == 0.0:
         return False
     normal = force - friction
-    normal /= max(float(np.linalg.norm(normal)), 1e-30)
+    normal /= max(math.hypot(*normal.tolist()), 1e-30)
     contacts.point[0] = push[1:4] / total
     contacts.normal[0] = contacts.slope_normal[0] = normal
     contacts.depth[0] = push[4]

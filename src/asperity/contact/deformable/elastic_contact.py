@@ -20,12 +20,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array
+from asperity._core.kernels import Repeated
 from asperity.contact.deformable.elastic_body import ElasticBody
 from asperity.contact.deformable.linear_contact import (
     add_product,
     agreeing_forces,
+    disagreement,
     displaced,
+    farthest,
+    first_turned,
     pull_on_modes,
+    stored,
     yielding_stiffness,
 )
 from asperity.contact.deformable.surface import DeformableSurface
@@ -42,6 +47,12 @@ _STEP_ERROR = 3e-4
 _NEWTON_STEPS, _HALVINGS = 16, 4
 _CLOSE = 1e-9
 """Largest error of a displacement at rest, over the thickness of the layer [-]."""
+# Arrays that these are given are contiguous.
+_add_product, _agreeing = Repeated(add_product), Repeated(agreeing_forces)
+_disagreement, _displaced = Repeated(disagreement), Repeated(displaced)
+_farthest, _first_turned = Repeated(farthest), Repeated(first_turned)
+_pull_on_modes, _stored = Repeated(pull_on_modes), Repeated(stored)
+_yielding = Repeated(yielding_stiffness)
 
 
 class ElasticContact:
@@ -87,9 +98,13 @@ class ElasticContact:
         self.body, self._damping = body, float(damping)
         self.surface = SurfaceContact(surface, bodies, centres=centres)
         self._leap = surface.thickness if leap is None else float(leap)
-        self._residual = body.residual
-        self._acting = body.compliance, math.inf
+        self._residual = np.ascontiguousarray(body.residual)
+        self._compliance = np.ascontiguousarray(body.compliance)
+        self._modes, self._shapes = map(np.ascontiguousarray, (body.modes, body.modes.T))
+        self._acting = self._compliance, math.inf
         self._step, self._yield = 0.0, np.zeros((0, 0))
+        self._slow = self._stiff = np.zeros(0)
+        self._found = np.zeros(len(body.modes))
         self.reset()
 
     def reset(self) -> None:
@@ -117,8 +132,7 @@ class ElasticContact:
     def energy(self) -> float:
         """Elastic energy of the body and of the layer [J]."""
         modal = float(((self.body.frequencies * self._q) ** 2).sum())
-        rest = float(self._force @ _plus(np.zeros_like(self._u), self._residual, self._force))
-        return self.surface.energy + 0.5 * (modal + rest)
+        return self.surface.energy + 0.5 * (modal + _stored(self._residual, self._force))
 
     @property
     def is_accurate(self) -> bool:
@@ -155,13 +169,13 @@ class ElasticContact:
         require_between("dt", dt, 1e-6, LONGEST_STEP, "s")
         placed = [require_pose(pose, "pose") for pose in poses]
         last = self._poses or placed
-        twists = np.array([
-            mean_twist(old, new, dt) for old, new in zip(last, placed, strict=True)
-        ])  # fmt: skip
-        for twist, arm in zip(twists, self.surface.arms(placed), strict=True):
-            twist[:3] += cross(twist[3:], arm)
         try:
-            self.surface.place(placed, twists)
+            self.surface.place(placed)
+            for out, centre, old, new in zip(
+                self.surface.twists, self.surface.centres, last, placed, strict=True
+            ):
+                out[:] = mean_twist(old, new, dt)
+                out[:3] += cross(out[3:], centre - new[:3])
             self._advance(dt)
         except AsperityError:
             self.reset()
@@ -170,25 +184,26 @@ class ElasticContact:
         return self.surface.wrenches
 
     def _advance(self, dt: float) -> None:
-        body, omega = self.body, self.body.frequencies
-        slow = 1.0 / (1.0 + 2.0 * self._damping * omega * dt + (dt * omega) ** 2)
         if dt != self._step:
-            self._step = dt
-            self._yield = (body.modes * (dt * dt * slow)) @ body.modes.T + self._residual
-        rate = (self._rate - dt * omega**2 * self._q) * slow
+            omega, self._step = self.body.frequencies, dt
+            self._stiff = dt * omega**2
+            self._slow = 1.0 / (1.0 + 2.0 * self._damping * omega * dt + dt * self._stiff)
+            compliant = (self._modes * (dt * dt * self._slow)) @ self._modes.T
+            self._yield = np.ascontiguousarray(compliant + self._residual)
+        rate = (self._rate - self._stiff * self._q) * self._slow
         free, pull = np.empty_like(self._u), np.empty_like(rate)
-        displaced(body.modes, self._q + dt * rate, free)
+        _displaced(self._shapes, self._q + dt * rate, free)
         self._acting = self._yield, dt
         force, u = self._implicit(free, dt)
-        if not np.abs(u - self._u).max() <= self._leap:
+        if not _farthest(u, self._u) <= self._leap:
             way = np.abs(u - self._u).reshape(-1, 3).max(axis=1)
             raise AsperityError(
                 f"vertex {int(np.nanargmax(way))} would leap by {np.nanmax(way):.3g} m along an "
                 f"axis in a step of {dt:g} s; valid: at most {self._leap:g} m, with "
                 "slower bodies or a shorter step"
             )
-        pull_on_modes(body.modes, force, pull)
-        self._rate = rate + dt * slow * pull
+        _pull_on_modes(self._modes, force, pull)
+        self._rate = rate + dt * self._slow * pull
         self._q = self._q + dt * self._rate
         self._speed = (u - self._u) / dt
         self._u, self._force = u, force
@@ -224,13 +239,16 @@ class ElasticContact:
                 found = self._error(u, free, dt)
             error = found
         self.error = error
-        return force, (_plus(free, self._yield, force) if force is first else u)
+        return force, (self._found.copy() if force is first else u)
 
     def _error(self, u: Array, free: Array, dt: float) -> float:
-        """Return how far displacements are from those that their contact causes [m]."""
+        """Return how far displacements are from those that their contact causes [m].
+
+        These are `_found` then.
+        """
         self._press(u, (u - self._u) / dt)
-        found = _plus(free, self._yield, self.surface.state.force.ravel())
-        return float(np.abs(u - found).max())
+        force = self.surface.state.force.ravel()
+        return float(_disagreement(free, self._yield, force, u, self._found))
 
     def derivatives(self) -> tuple[Array, Array]:
         """Return stiffness and damping (6, 6) that the first body feels in a step, or at rest.
@@ -246,10 +264,10 @@ class ElasticContact:
             faces = self.surface.surface.arrays.faces[state.pressed[:count]]
             arms = self.vertices - self.surface.centres[0]
             springs = state.stiffness[:count]
-            yielding_stiffness(faces, springs, compliance, arms, stiffness)
+            _yielding(faces, springs, compliance, arms, stiffness)
             if self.surface.surface.friction > 0.0 and dt < math.inf:
                 drag = (state.damping[:count] - state.slipping[:count]) / dt
-                yielding_stiffness(faces, springs + drag, compliance, arms, damping)
+                _yielding(faces, springs + drag, compliance, arms, damping)
                 damping = dt * (damping - stiffness)
         return stiffness, damping
 
@@ -274,7 +292,7 @@ class ElasticContact:
         require_not_negative("most", most)
         placed = [require_pose(pose, "pose") for pose in poses]
         try:
-            self.surface.place(placed, np.zeros((len(placed), 6)))
+            self.surface.place(placed)
             self._relax(most)
         except AsperityError:
             self.reset()
@@ -285,7 +303,7 @@ class ElasticContact:
         return self.surface.wrenches
 
     def _relax(self, most: int) -> None:
-        compliance, none = self.body.compliance, np.zeros_like(self._u)
+        compliance, none = self._compliance, np.zeros_like(self._u)
         self._acting = compliance, math.inf
         goal = _CLOSE * self.surface.surface.thickness
         force = self._force
@@ -331,17 +349,16 @@ class ElasticContact:
         faces = self.surface.surface.arrays.faces[state.pressed[:count]]
         drag = state.damping[:count] - slipping * state.slipping[:count]
         springs = state.stiffness[:count] + state.growing[:count] + drag / dt
-        agreeing_forces(faces, springs, compliance, free, self._at, state.force.ravel(), out)
+        _agreeing(faces, springs, compliance, free, self._at, state.force.ravel(), out)
         return out
 
     def _refuse_inverted(self) -> None:
         """Refuse a surface that has turned inside out where it is touched."""
         state, surface = self.surface.state, self.surface.surface
-        touched = state.pressed[: int(state.pressed[-1])]
-        turned = np.einsum("ij,ij->i", state.normal[touched], surface.normals[touched]) <= 0.0
-        if turned.any():
+        turned = _first_turned(state.pressed, state.normal, surface.normals)
+        if turned >= 0:
             raise AsperityError(
-                f"triangle {touched[turned][0]} of {surface.mesh.name!r} has turned inside out: "
+                f"triangle {turned} of {surface.mesh.name!r} has turned inside out: "
                 "the body is pressed harder than a linear one can bear"
             )
 
@@ -349,5 +366,5 @@ class ElasticContact:
 def _plus(start: Array, matrix: Array, vector: Array) -> Array:
     """Return `start` and a symmetric matrix times a vector most of whose numbers are 0."""
     out = start.copy()
-    add_product(matrix, vector, out)
+    _add_product(matrix, vector, out)
     return out

@@ -21,13 +21,73 @@ def add_product(matrix, vector, out):
 
 
 @kernel
+def farthest(one, two):
+    """Return the largest difference of two rows of numbers (n,); inf where one is not finite."""
+    most = 0.0
+    for i in range(one.size):
+        apart = abs(one[i] - two[i])
+        most = max(most, apart if apart - apart == 0.0 else np.inf)
+    return most
+
+
+@kernel
+def first_turned(pressed, normal, at_rest):
+    """Return the first triangle of `pressed` whose normal points away from that at rest, or -1.
+
+    `pressed` (m + 1,) as in `SurfaceState`; the normals (m, 3).
+    """
+    for row in range(pressed[-1]):
+        f, along = pressed[row], 0.0
+        for i in range(3):
+            along += normal[f, i] * at_rest[f, i]
+        if not along > 0.0:
+            return f
+    return -1
+
+
+@kernel
+def disagreement(free, compliance, force, u, found):
+    """Return how far u is from `free + compliance force`, which is filled into `found`; all (n,).
+
+    `compliance` is symmetric; most of the forces are 0.
+    """
+    for i in range(found.size):
+        found[i] = free[i]
+    for row in range(force.size):
+        if force[row] != 0.0:
+            for k in range(found.size):
+                found[k] += force[row] * compliance[row, k]
+    most = 0.0
+    for i in range(found.size):
+        apart = abs(u[i] - found[i])
+        most = max(most, apart if apart - apart == 0.0 else np.inf)
+    return most
+
+
+@kernel
+def stored(matrix, vector):
+    """Return v M v of a matrix (n, n) and a vector v (n,), most of whose numbers are 0."""
+    places, count, total = np.empty(vector.size, np.int64), 0, 0.0
+    for i in range(vector.size):
+        if vector[i] != 0.0:
+            places[count] = i
+            count += 1
+    for i in places[:count]:
+        part = 0.0
+        for k in places[:count]:
+            part += matrix[i, k] * vector[k]
+        total += vector[i] * part
+    return total
+
+
+@kernel
 def displaced(modes, q, out):
-    """Fill `out` (n,) with the displacements of modes (n, r) by q (r,)."""
+    """Fill `out` (n,) with the displacements of modes (r, n) by q (r,)."""
     for i in range(out.size):
-        total = 0.0
-        for k in range(q.size):
-            total += modes[i, k] * q[k]
-        out[i] = total
+        out[i] = 0.0
+    for k in range(q.size):
+        for i in range(out.size):
+            out[i] += modes[k, i] * q[k]
 
 
 @kernel

@@ -21,18 +21,15 @@ import math
 
 import numpy as np
 
-from asperity._core.kernels import inner_kernel, kernel
+from asperity._core.kernels import inner_kernel, kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.soft.layer import layer_pressure
-from asperity.contact.soft.press import (
+from asperity.contact.soft.press import deepest, fill_exit, fill_relative, reaches
+from asperity.contact.soft.taxel_sums import (
     SLIP_SPEED,
     add_taxel,
     clear_sums,
     complete_sums,
-    deepest,
-    fill_exit,
-    fill_relative,
-    reaches,
     take_across,
 )
 
@@ -95,17 +92,16 @@ def _fill_shared(surface, state, x, g):
 @inner_kernel
 def _is_near(solids, relative, surface, x, f):
     """Return whether a solid may touch a triangle."""
-    middle, radius = stack_array((3,)), 0.0
+    middle = stack_array((3,))
+    a, b, c = surface.faces[f, 0], surface.faces[f, 1], surface.faces[f, 2]
+    one = two = three = 0.0
     for i in range(3):
-        middle[i] = 0.0
-        for corner in range(3):
-            middle[i] += x[surface.faces[f, corner], i] / 3.0
-    for corner in range(3):
-        far = 0.0
-        for i in range(3):
-            far += (x[surface.faces[f, corner], i] - middle[i]) ** 2
-        radius = max(radius, far)
-    return reaches(solids, relative, middle, math.sqrt(radius) + surface.highest[f])
+        middle[i] = (x[a, i] + x[b, i] + x[c, i]) * (1.0 / 3.0)
+        one += (x[a, i] - middle[i]) ** 2
+        two += (x[b, i] - middle[i]) ** 2
+        three += (x[c, i] - middle[i]) ** 2
+    radius = math.sqrt(max(one, two, three))
+    return reaches(solids, relative, middle, radius + surface.highest[f])
 
 
 @inner_kernel
@@ -191,6 +187,15 @@ def _push_vertices(surface, state, out, f, t, m, length):
             state.pull[g, i] += share * pushed * across
 
 
+@small_kernel
+def _add_product(one, two, factor, matrix_out):
+    """Add `factor` a b^T of two rows of nine numbers to a matrix (9, 9)."""
+    for i in range(9):
+        part = factor * one[i]
+        for j in range(9):
+            matrix_out[i, j] += part * two[j]
+
+
 @inner_kernel
 def _add_blocks(surface, state, row, t, m, slip, springs):
     """Add stiffness and damping of a taxel to those of its triangle's vertices.
@@ -201,19 +206,21 @@ def _add_blocks(surface, state, row, t, m, slip, springs):
     slope, drag, growth = springs
     square = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
     speed = SLIP_SPEED**2 + slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2]
-    for one in range(3):
-        for two in range(3):
-            share = surface.weight[t, one] * surface.weight[t, two]
-            for i in range(3):
-                for j in range(3):
-                    state.stiffness[row, 3 * one + i, 3 * two + j] += share * slope * m[i] * m[j]
-                    if drag > 0.0:
-                        pushed = drag * growth * slip[i] * m[j]
-                        state.growing[row, 3 * one + i, 3 * two + j] -= share * pushed
-                        across = (1.0 if i == j else 0.0) - m[i] * m[j] / square
-                        state.damping[row, 3 * one + i, 3 * two + j] += share * drag * across
-                        along = slip[i] * slip[j] / speed
-                        state.slipping[row, 3 * one + i, 3 * two + j] += share * drag * along
+    across, along = stack_array((9,)), stack_array((9,))
+    for corner in range(3):
+        share = surface.weight[t, corner]
+        for i in range(3):
+            across[3 * corner + i], along[3 * corner + i] = share * m[i], share * slip[i]
+    _add_product(across, across, slope, state.stiffness[row])
+    if drag > 0.0:
+        _add_product(along, across, -drag * growth, state.growing[row])
+        _add_product(along, along, drag / speed, state.slipping[row])
+        _add_product(across, across, -drag / square, state.damping[row])
+        for one in range(3):
+            for two in range(3):
+                share = drag * surface.weight[t, one] * surface.weight[t, two]
+                for i in range(3):
+                    state.damping[row, 3 * one + i, 3 * two + i] += share
 
 
 @inner_kernel

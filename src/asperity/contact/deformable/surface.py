@@ -9,6 +9,7 @@ import numpy as np
 
 from asperity._core.arrays import Array, Indices
 from asperity.contact.deformable.records import SurfaceArrays
+from asperity.contact.soft.blocks import RAYS
 from asperity.contact.soft.press import TaxelArrays
 from asperity.contact.soft.skin import foundation_modulus
 from asperity.errors import AsperityError, require_between, require_positive
@@ -112,7 +113,7 @@ class DeformableSurface:
     def normals(self) -> Array:
         """Unit normal of each triangle at rest, (m, 3)."""
         across = crosses(self.mesh.vertices[self.mesh.faces])
-        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+        return np.ascontiguousarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
     def corner_normals(self, vertices: Array) -> Array:
         """Return the unit normals at the corners of the triangles (m, 3, 3), for places (v, 3)."""
@@ -157,7 +158,7 @@ class DeformableSurface:
         n, area = self.taxel_count, self.taxel_area
         return TaxelArrays(
             np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2, 3)), area,
-            np.full(n, self.thickness), np.full(n, self.stiffness_per_area), np.zeros((0, 4)),
+            np.full(n, self.thickness), np.full(n, self.stiffness_per_area), np.zeros(0, RAYS),
         )  # fmt: skip
 
 

@@ -12,11 +12,11 @@ from asperity._core.kernels import Repeated
 from asperity.contact.deformable.press import press_surface
 from asperity.contact.deformable.records import SurfaceMotion, SurfaceState
 from asperity.contact.deformable.surface import DeformableSurface
-from asperity.contact.soft.press import empty_output
 from asperity.contact.soft.solids import fill_frames, solids_of
+from asperity.contact.soft.taxel_sums import empty_output
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
-from asperity.geometry.poses import require_pose, rotation_of
+from asperity.geometry.poses import require_pose
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
@@ -128,7 +128,8 @@ class SurfaceContact:
             if twists is not None:
                 moved = _checked("twists", twists, moved.shape)
             self._refuse_leap(places)
-            self.place([require_pose(pose, "pose") for pose in poses], moved)
+            self.place([require_pose(pose, "pose") for pose in poses])
+            motion.twists[:] = moved
             self.press_at(places, speeds)
         except AsperityError:
             self.clear()
@@ -145,13 +146,15 @@ class SurfaceContact:
                 f"most leap = {self._leap:g} m"
             )
 
-    def place(self, poses: Sequence[Array], twists: Array) -> None:
-        """Put the bodies at poses (bodies, 7) with twists (bodies, 6), which are not checked."""
+    def place(self, poses: Sequence[Array]) -> None:
+        """Put the bodies at poses (bodies, 7), which are not checked, at rest."""
         motion = self._motion
-        motion.twists[:] = twists
-        fill_frames(self._solids, poses)
-        for centre, arm, pose in zip(motion.centres, self.arms(poses), poses, strict=True):
-            centre[:] = pose[:3] + arm
+        motion.twists[:] = 0.0
+        turns = fill_frames(self._solids, poses)
+        for centre, turn, own, pose in zip(
+            motion.centres, turns, self._centres, poses, strict=True
+        ):
+            centre[:] = pose[:3] + turn @ own
 
     def press_at(self, vertices: Array, velocities: Array) -> None:
         """Compute the contact at places of the vertices, which are not checked; see `press`.
@@ -168,11 +171,6 @@ class SurfaceContact:
             self.out,
         )  # fmt: skip
         self._refuse_collapsed()
-
-    def arms(self, poses: Sequence[Array]) -> Array:
-        """Return the ways from the bodies' origins to their centres (bodies, 3) [m]."""
-        turns = [rotation_of(pose[3:]) for pose in poses]
-        return np.array([turn @ own for turn, own in zip(turns, self._centres, strict=True)])
 
     def _refuse_collapsed(self) -> None:
         triangle = int(self.state.tick[1])

@@ -117,24 +117,33 @@ def advance(s, value, rate, low, high, search):
         # Kantorovich: the nearest zero is the only one within twice this step.
         step = value / rate
         return s - step, low, high, bend * step * step < _CLOSE * rate
-    # Where it touches the surface from outside it goes on.
-    return s - max(value / fastest, _CLOSE), low, high, False
+    # Neither by its largest slope nor by its slope here and its largest bend does f come to zero
+    # sooner. Where it touches the surface from outside it goes on.
+    ahead = (math.sqrt(rate * rate + 2.0 * bend * value) - rate) / bend if bend > 0.0 else 0.0
+    return s - max(value / fastest, ahead, _CLOSE), low, high, False
+
+
+@small_kernel
+def _start(low, high, search):
+    """Return where the search for a zero begins."""
+    return max(0.5 * (low + high), low, 0.0) if search[0] else high
 
 
 @inner_kernel
 def _last_zero(solids, g, face, x, d, ends, search):
-    """Return the last s between `ends` at which a ray leaves a sheet; -inf without one.
+    """Return the last s between `ends` at which a ray leaves a sheet; -inf without one above 0.
 
     At the far end f is not negative.
     """
     at, normal = stack_array((3,)), stack_array((3,))
     low, high = ends
-    s = 0.5 * (low + high) if search[0] else high
-    floor = low
+    s, floor = _start(low, high, search), low
     for _ in range(STEPS):
         for i in range(3):
             at[i] = x[i] + s * d[i]
         value = sheet_at(solids, g, face, at, normal)
+        if value > 0.0 and s <= 0.0:
+            return -np.inf  # the last zero is behind the start of the ray
         rate = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2]
         s, low, high, is_found = advance(s, value, rate, low, high, search)
         if is_found:
@@ -151,11 +160,12 @@ def _last_zero_planar(textures, k, line, low, high, search):
     `line` is the distance from the smooth sheet, u and v at the ray's start, and their rates.
     """
     gap, u, v, straight, du, dv = line
-    s = 0.5 * (low + high) if search[0] else high
-    floor = low
+    s, floor = _start(low, high, search), low
     for _ in range(STEPS):
         t, t_u, t_v = texture_slope(textures, k, u + s * du, v + s * dv)
         value, rate = gap + s * straight - t, straight - t_u * du - t_v * dv
+        if value > 0.0 and s <= 0.0:
+            return -np.inf  # the last zero is behind the start of the ray
         s, low, high, is_found = advance(s, value, rate, low, high, search)
         if is_found:
             return s

@@ -30,6 +30,8 @@ CURVED = -1
 """The curved sheet of a solid; flat ones are 2 axis + (1 for the positive side)."""
 PLANAR, _CYLINDRICAL, TRIPLANAR = range(3)
 """Indices into `geometry.bodies.MAPPINGS`."""
+GRAZING = 1e-3
+"""Least cosine between a ray and a normal with which a force is computed."""
 _NEGLIGIBLE = 1e-12
 """Weight of a triplanar map that is left out, as in the search for depths."""
 
@@ -48,6 +50,9 @@ class Solids(NamedTuple):
     """Rotation and position in the world, (geoms, 3, 4)."""
     bound: Array
     """Radius of a ball round each geom's middle that holds its textured surface [m], (geoms,)."""
+    extent: Array
+    """Half sides of a box in each geom's frame, round its middle, that holds its textured surface
+    [m], (geoms, 3); of a plane above it alone."""
     meshes: MeshFacets | None
     """Facets of the geoms that are meshes; None without any."""
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from asperity._core.arrays import Array, Indices
-from asperity.contact.soft.press import BLOCK, TaxelArrays, lay
+from asperity.contact.soft.blocks import BLOCK, RAYS
+from asperity.contact.soft.press import TaxelArrays, lay
 from asperity.contact.soft.solids import smooth, solids_of
 from asperity.errors import AsperityError, require_between, require_finite, require_positive
 from asperity.geometry.bodies import Body, Geom
@@ -214,7 +215,7 @@ class SoftSkin:
         modulus = self.stiffness_per_area * self.thickness / thickness
         return TaxelArrays(
             points, inwards.copy(), along, cell / cosine[cells], thickness, modulus,
-            _blocks(points, thickness),
+            _blocks(points, inwards, thickness),
         ), cells  # fmt: skip
 
     def _thickness(self, points: Array, inwards: Array) -> Array:
@@ -248,15 +249,19 @@ class SoftSkin:
         return out.reshape(rows, columns, *values.shape[1:])
 
 
-def _blocks(points: Array, thickness: Array) -> Array:
-    """Return a ball round the rays of each `BLOCK` points (n, 3): middle, radius [m], (m, 4)."""
-    if not len(points):
-        return np.zeros((0, 4))
-    parts = np.split(points, range(BLOCK, len(points), BLOCK))
-    out = np.empty((len(parts), 4))
-    for row, part in zip(out, parts, strict=True):
-        row[:3] = 0.5 * (part.min(axis=0) + part.max(axis=0))
-        row[3] = np.linalg.norm(part - row[:3], axis=1).max() + thickness.max()
+def _blocks(points: Array, inwards: Array, thickness: Array) -> NDArray[np.void]:
+    """Return the `RAYS` of each `BLOCK` taxels."""
+    out = np.zeros(-(-len(points) // BLOCK), RAYS)
+    for number, rays in enumerate(out):
+        part = slice(number * BLOCK, (number + 1) * BLOCK)
+        starts, along = points[part], inwards[part].mean(axis=0)
+        rays["along"] = along / np.linalg.norm(along)
+        rays["middle"] = 0.5 * (starts.min(axis=0) + starts.max(axis=0))
+        rays["radius"] = np.linalg.norm(starts - rays["middle"], axis=1).max()
+        rays["height"] = np.abs((starts - rays["middle"]) @ rays["along"]).max()
+        rays["spread"] = np.linalg.norm(inwards[part] - rays["along"], axis=1).max()
+        # As far as `deepest` takes them.
+        rays["reach"] = 2.0 * thickness[part].max()
     return out
 
 

@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 from asperity._core.arrays import Array
 from asperity._core.kernels import Repeated
 from asperity.contact.soft.layer import LINEAR
-from asperity.contact.soft.press import empty_output, press
+from asperity.contact.soft.press import press
 from asperity.contact.soft.skin import SoftSkin
 from asperity.contact.soft.solids import fill_frames, solids_of
+from asperity.contact.soft.taxel_sums import empty_output
 from asperity.errors import AsperityError, require_finite
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import require_pose, rotation_of

@@ -37,11 +37,12 @@ def solids_of(bodies: Sequence[Body], poses: Sequence[Array]) -> Solids:
     textures, geometry = flatten_bodies(bodies)
     reach, frames = _reach(textures, geometry), np.empty((len(geometry.kind), 3, 4))
     meshes = mesh_facets(bodies, textures, geometry, reach)
-    bound = _bound(geometry, reach)
+    bound, extent = _bound(geometry, reach), _extent(geometry, reach)
     if meshes is not None:
         of_mesh = geometry.kind == MESH
         bound[of_mesh] = np.linalg.norm(geometry.size[of_mesh], axis=1) + meshes.grow[of_mesh]
-    solids = Solids(textures, geometry, reach, frames, bound, meshes)
+        extent[of_mesh] = geometry.size[of_mesh] + meshes.grow[of_mesh, None]
+    solids = Solids(textures, geometry, reach, frames, bound, extent, meshes)
     fill_frames(solids, poses)
     return solids
 
@@ -100,9 +101,23 @@ def _bound(geometry: Geometry, reach: NDArray[np.void]) -> Array:
     return out + np.sqrt(3.0) * reach["highest"]
 
 
-def fill_frames(solids: Solids, poses: Sequence[Array]) -> None:
-    """Put the geoms of bodies where these are at poses (7,), one for each body."""
+def _extent(geometry: Geometry, reach: NDArray[np.void]) -> Array:
+    """Return half sides of a box round each geom's textured surface [m], (geoms, 3)."""
+    out = np.array(geometry.size)
+    for own, kind in zip(out, geometry.kind, strict=True):
+        name = KINDS[kind]
+        if name == "plane":
+            own[:] = np.inf, np.inf, 0.0
+        elif name in ("sphere", "capsule", "cylinder"):
+            radius, length = own[0], own[1] if name != "sphere" else 0.0
+            own[:] = radius, radius, length if name == "cylinder" else radius + length
+    return np.asarray(out + reach["highest"][:, None])
+
+
+def fill_frames(solids: Solids, poses: Sequence[Array]) -> list[Array]:
+    """Put the geoms of bodies where these are at poses (7,), one for each; return rotations."""
     geometry, turns = solids.geometry, [rotation_of(pose[3:]) for pose in poses]
     for g, body in enumerate(geometry.body):
         solids.frames[g, :, :3] = turns[body] @ geometry.rotation[g]
         solids.frames[g, :, 3] = turns[body] @ geometry.position[g] + poses[body][:3]
+    return turns
