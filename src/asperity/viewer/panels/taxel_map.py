@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from asperity.runs.pressure_figure import taxel_image
-
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 """A scale ends at one of these, times a power of ten."""
 _LOW = 0.3
@@ -75,6 +73,9 @@ def taxel_map(
     arrows : (rows, columns, 2) array, optional
         To be drawn over it [Pa]: to the right, and upwards. Each is the mean of a square.
     """
+    # Not before there is a map: Matplotlib takes as long to load as the rest of the page.
+    from asperity.runs.pressure_figure import taxel_image
+
     chart = taxel_image(values, end, signed=signed)
     enlarged = max(-(-_LEAST_WIDTH // chart.shape[1]), 1)
     chart = chart.repeat(enlarged, axis=0).repeat(enlarged, axis=1)
