@@ -194,4 +194,3 @@ class ViewCommand:
             options=parse_device_options(self.options.device_option),
             **self.options.session(),
         )
-

@@ -11,6 +11,7 @@ from asperity.viewer.drawables.shapes import TRIANGLES
 from asperity.viewer.link import LinkRequests
 from asperity.viewer.panels.actions import ActionsPanel
 from asperity.viewer.panels.controls import ControlsPanel
+from asperity.viewer.panels.light import LightPanel
 from asperity.viewer.panels.mouse import MousePanel
 from asperity.viewer.panels.panel import Panel
 from asperity.viewer.panels.plots import PlotsPanel
@@ -86,7 +87,7 @@ def live_panels(
     mouse, view = MousePanel(), SceneView(triangles)
     return [
         StatusPanel(timeline), ActionsPanel(mouse, view, timeline, links, folder), mouse,
-        ControlsPanel(), StimuliPanel(), TexturesPanel(view), view,
+        ControlsPanel(), StimuliPanel(), TexturesPanel(view), view, LightPanel(),
     ]  # fmt: skip
 
 

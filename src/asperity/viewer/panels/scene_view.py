@@ -28,7 +28,7 @@ from asperity.viewer.drawables.stage import (
     add_soft_shape,
     disc,
     place,
-    set_up_lights,
+    set_up_view,
     turn_to,
 )
 from asperity.viewer.panels.bent import Bent
@@ -93,7 +93,7 @@ class SceneView(Panel):
     def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Set up light and camera, and show the scene."""
         self._server, self._servo = server, servo
-        set_up_lights(server)
+        set_up_view(server)
         self._show(servo.config.scene)
 
     def update(self, frame: Frame) -> None:

@@ -26,6 +26,35 @@ if (!window.asperityKeys) {
 """viser has no key `?`, which is that of the help, `h`; and a tab that was clicked keeps the space
 bar to itself."""
 
+JUDGE = """
+if (!window.asperityJudge) {
+  // `asperityLight` is set where it is chosen already: by a person, or for a picture.
+  window.asperityJudge = (perSecond) => {
+    if (window.asperityLight || perSecond >= LEAST) return;
+    window.asperityLight = 'simple';
+    document.documentElement.dispatchEvent(new KeyboardEvent('keydown',
+      {key: 'l', code: 'KeyL', bubbles: true, cancelable: true}));
+  };
+  document.addEventListener('keydown', (event) => {
+    if (event.key === 'l' && event.isTrusted) window.asperityLight = 'chosen';
+  }, true);
+  const watch = () => {
+    let frames = 0;
+    const count = () => { frames += 1; requestAnimationFrame(count); };
+    requestAnimationFrame(count);
+    setTimeout(() => {
+      if (document.visibilityState === 'visible') window.asperityJudge(1e3 * frames / WINDOW);
+    }, WINDOW);
+  };
+  const wait = () => document.querySelector('canvas') ? setTimeout(watch, WAIT)
+    : setTimeout(wait, 200);
+  wait();
+}
+"""
+"""Asks for simple light where few frames are drawn a second. viser tells nobody how many."""
+for _name, _value in {"LEAST": 10, "WINDOW": 3000, "WAIT": 3000}.items():
+    JUDGE = JUDGE.replace(_name, str(_value))
+
 
 def run_in_browsers(server: Any, source: str) -> None:
     """Run JavaScript in all browsers, now and when they connect, if viser can."""
