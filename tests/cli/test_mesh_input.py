@@ -260,7 +260,7 @@ def test_a_smooth_run_says_nothing_on_stderr(cube, slab, tmp_path):
         (["--target-mapping", "uv"], ["--target-mapping needs --target-texture"]),
         (["--tool-unit", "furlong"], ["tool", "'furlong'", "m, dm, cm, mm, um, in, ft"]),
         (["--target-unit", "mn"], ["target", "'mn'", "did you mean 'm'", "m, dm, cm, mm"]),
-        (["--tool-unit", "mm"], ["cube", "0.1 mm to 2 m", "unit='m' (20 mm)"]),
+        (["--tool-unit", "mm"], ["cube", "0.1 mm to 2 m", "--tool-unit m (20 mm)"]),
         (["--seed", "3"], ["--seed"]),
         (["--force-n", "100"], ["100 N", "press less"]),
         (["--force-n", "1", "--depth-mm", "1"], ["--force-n or --depth-mm"]),

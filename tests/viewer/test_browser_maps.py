@@ -123,12 +123,13 @@ def test_a_rigid_tool_shows_nothing_until_it_is_asked(shown, tab):
 def test_a_slow_browser_goes_without_shadows_and_says_so(shown, tab):
     _, page = shown
     light = next(p for p in page.panels if type(p).__name__ == "LightPanel")
-    tab.evaluate("asperityLight = ''; asperityJudge(60)")
-    tab.wait_for_timeout(1000)
-    assert not light.simple
-    tab.evaluate("asperityJudge(3)")
-    tab.get_by_text("Drawn simply").wait_for()
-    assert light.simple
-    tab.evaluate("asperityJudge(3)")  # once
+    until(lambda: light.full)  # as for a picture
     tab.keyboard.press("l")
-    until(lambda: not light.simple)
+    until(lambda: not light.full)
+    tab.evaluate("asperityLight = ''; asperityJudge(3)")
+    light._told.clear()
+    light._since.clear()
+    tab.get_by_text("Drawn simply").wait_for()
+    assert not light.full
+    tab.evaluate("asperityJudge(60); asperityJudge(60)")  # once
+    until(lambda: light.full)

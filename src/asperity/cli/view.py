@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,8 +16,7 @@ from asperity.cli.result import announce, print_result
 from asperity.errors import AsperityError
 
 if TYPE_CHECKING:
-    from asperity.viewer.server.server import OpenServer, Page
-    from asperity.viewer.servo_client import ServoClient
+    from asperity.viewer.server.server import OpenServer
     from asperity.viewer.session_config import SessionConfig
 
 FIRST = "probe-plate"
@@ -86,7 +84,7 @@ class ViewCommand:
     def _show(self) -> None:
         """Serve the page until the end.
 
-        Browsers load, the page is made and the loop starts at the same time, as each takes seconds.
+        Browsers load, which takes them seconds, while the page is made.
         """
         config = self._config()
         from asperity.simulation.tool_contact import announce_compiling
@@ -99,26 +97,21 @@ class ViewCommand:
             ending.callback(server.close)
             if config.is_mouse:  # which cannot be absent
                 self._invite(server, config, config.device)
+            from asperity.viewer.app import live_page
+
             announce_compiling()
             servo = ServoClient(config)
             ending.callback(servo.close)
-            pages = ending.enter_context(ExitStack())
-            aside = ending.enter_context(ThreadPoolExecutor(1))
-            making = aside.submit(self._page, pages, servo, server)
+            shown = live_page(servo, self.out, self.triangles, at=server)
+            # The picture first: the loop, which compiles or loads, would take a core from it.
+            page = ending.enter_context(shown)
             servo.start()
-            page = making.result()
             if not config.is_mouse:
                 self._invite(server, config, servo.device)
             try:
                 page.wait(self.seconds)
             except KeyboardInterrupt:
                 announce("ended")
-
-    def _page(self, pages: ExitStack, servo: ServoClient, server: OpenServer) -> Page:
-        """Return a page of a loop, to be closed with `pages`."""
-        from asperity.viewer.app import live_page
-
-        return pages.enter_context(live_page(servo, self.out, self.triangles, at=server))
 
     def _invite(self, server: OpenServer, config: SessionConfig, device: str) -> None:
         """Print the address of the page, and open it in the browser."""

@@ -144,7 +144,7 @@ class ServoClient:
     def start(self) -> None:
         """Start the first servo process; return when it ticks.
 
-        A change that is asked for meanwhile, as by a page, waits for that or is refused.
+        A change that a page requests meanwhile waits for that or is refused.
 
         Raises
         ------

@@ -210,7 +210,7 @@ class SceneView(Panel):
         self._tool = add.add_frame("/tool", show_axes=False)
         self._ghost = add.add_frame("/handle", show_axes=False)
         self._nodes = [self._tool, self._ghost]
-        place(self._tool, self._servo.config.first_pose)  # until the loop tells where it is
+        place(self._tool, self._servo.config.first_pose)  # until the first snapshot
         self._ghost.visible = False
         for shape in self.shapes:
             if len(shape.faces):

@@ -28,10 +28,11 @@ bar to itself."""
 
 JUDGE = """
 if (!window.asperityJudge) {
-  // `asperityLight` is set where it is chosen already: by a person, or for a picture.
+  // `asperityLight`: 'chosen' by a person or before, 'full' for a picture, however long that takes.
   window.asperityJudge = (perSecond) => {
-    if (window.asperityLight || perSecond >= LEAST) return;
-    window.asperityLight = 'simple';
+    const light = window.asperityLight;
+    if (light === 'chosen' || (light !== 'full' && perSecond < LEAST)) return;
+    window.asperityLight = 'chosen';
     document.documentElement.dispatchEvent(new KeyboardEvent('keydown',
       {key: 'l', code: 'KeyL', bubbles: true, cancelable: true}));
   };
@@ -51,8 +52,8 @@ if (!window.asperityJudge) {
   wait();
 }
 """
-"""Asks for simple light where few frames are drawn a second. viser tells nobody how many."""
-for _name, _value in {"LEAST": 10, "WINDOW": 3000, "WAIT": 3000}.items():
+"""Requests full light where enough frames are drawn a second, which viser does not measure."""
+for _name, _value in {"LEAST": 10, "WINDOW": 2000, "WAIT": 1000}.items():
     JUDGE = JUDGE.replace(_name, str(_value))
 
 

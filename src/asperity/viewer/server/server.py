@@ -62,7 +62,7 @@ def start_server(
 
 
 class OpenServer:
-    """A server that browsers can open, before there is a page: a line says that it is being made.
+    """A server that browsers can open, before there is a page: a line shows that it is being made.
 
     So browsers load, which takes them seconds, while scene and page are made.
 
@@ -85,6 +85,10 @@ class OpenServer:
         self.links, self._closed = links, False
         self.viser: Any = start_server(host, port, label, self._gate, links)
         self._waiting = self.viser.gui.add_html(_WAITING)
+        # An empty page costs a browser nothing, but for viser's own axes and reflections.
+        self.viser.scene.world_axes.visible = False
+        self.viser.scene.configure_default_lights(False)
+        self.viser.scene.configure_environment_map(None)
 
     @property
     def url(self) -> str:
