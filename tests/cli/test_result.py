@@ -62,7 +62,7 @@ def test_without_a_terminal_a_line_tells_how_far_it_is(monkeypatch):
             time.sleep(0.01)
     lines = said.getvalue().splitlines()
     assert len(lines) >= 2
-    assert set(lines) == {"asperity: probe-plate 0.5 N, 40 %"}
+    assert set(lines) == {"asperity: probe-plate 0.5 N, 40 %, 0 s so far"}
 
 
 def test_short_work_says_nothing():
@@ -70,3 +70,21 @@ def test_short_work_says_nothing():
     with redirect_stderr(said), progress.progress_bars() as bars:
         bars.add_task("quick", total=1)
     assert said.getvalue() == ""
+
+
+def test_sound_of_a_run_is_elsewhere(tmp_path, capsys):
+    assert main(["sound", str(tmp_path)]) == 2
+    assert "holds no .nc file that asperity study wrote" in capsys.readouterr().err
+    (tmp_path / "recording.h5").touch()
+    assert main(["sound", str(tmp_path)]) == 2
+    assert "for the sound of a run: asperity export" in capsys.readouterr().err
+    (tmp_path / "diameter.nc").touch()
+    assert main(["sound", str(tmp_path)]) == 2
+    assert "give a .nc file in it: diameter.nc" in capsys.readouterr().err
+
+
+def test_a_torque_of_rounding_is_none(tmp_path, capsys):
+    out = str(tmp_path / "out")
+    given = ["--tool", "sphere:2mm", "--target", "box:20x20x5mm", "--seconds", "0.02"]
+    assert main(["run", *given, "--out", out]) == 0
+    assert " N and 0 mN m;" in capsys.readouterr().out

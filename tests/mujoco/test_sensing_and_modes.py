@@ -99,6 +99,13 @@ def test_a_file_beside_the_model(tmp_path):
     path.write_text('[textures.plate]\ntexture = {kind = "knurled"}')
     with pytest.raises(AsperityError, match=r"textures\.plate\.texture"):
         textured.attach(model, path)
+    # What belongs into `texture` is not left out in silence.
+    path.write_text('[textures.plate]\nkind = "knurl"')
+    with pytest.raises(AsperityError, match=r"unknown key textures\.plate\.kind.*texture"):
+        textured.attach(model, path)
+    path.write_text('[textures]\nplate = "knurl:1mm"')
+    with pytest.raises(AsperityError, match=r"textures\.plate must be a table"):
+        textured.attach(model, path)
     with pytest.raises(AsperityError, match=r"none\.toml"):
         textured.attach(model, str(tmp_path / "none.toml"))
 

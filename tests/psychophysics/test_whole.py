@@ -35,7 +35,9 @@ def test_a_hundred_trials_on_a_real_scene_and_what_they_say(tmp_path, capsys):
     out = tmp_path / "data" / "P1-1"
     command = ["experiment", str(file), "--simulate", "--participant", "P1", "--out", str(out)]
     assert main(command) == 0
-    assert "100 answers; the session is complete" in capsys.readouterr().out
+    assert "100 answers; the session is complete; next: asperity analyse " in (
+        capsys.readouterr().out
+    )
     answers, trials = rows(out / "answers.csv"), rows(out / "trials.csv")
     assert len(answers) == 100
     assert len(trials) == 200

@@ -78,6 +78,17 @@ def test_signed_maps_are_blue_and_red_and_the_others_dark():
     assert taxel_map(np.zeros((8, 8)), 1e3)[:256].max() < 20
 
 
+def test_what_a_wide_map_says_stays_legible_in_the_panel():
+    narrow, wide = (taxel_map(np.zeros((8, n)), 1e3)[33 if n == 8 else 32 :] for n in (8, 256))
+
+    def height(image):
+        dark = np.nonzero((image.max(axis=2) < 120).any(axis=1))[0]
+        below = dark[dark > len(image) - 40 * image.shape[1] // 360]
+        return np.ptp(below) / max(image.shape[1] / 360, 1.0)
+
+    assert height(wide) == pytest.approx(height(narrow), rel=0.4)
+
+
 def test_arrows_point_where_the_shear_does():
     arrows = np.zeros((32, 32, 2))
     arrows[16:, 16:] = (0.0, 1e3)  # upwards, in the upper right
@@ -147,6 +158,9 @@ def test_the_page_shows_it_and_hides_it_for_another_scene():
     assert panel._image.image.max() > 100
     assert "kPa pressure" in panel._text.content
     assert "kPa shear" in panel._text.content
+    first, last, low, high = scene.skin.extent
+    size = f"{1e3 * (last - first):.3g} x {1e3 * (high - low):.3g} mm"
+    assert f"The map is {size} large" in panel._text.content
     # Of a rigid tool, only on request.
     servo.config.scene, panel._text.content = load_scene("probe-plate"), ""
     panel.update(SimpleNamespace(number=1, generation=2, snapshot=None))
@@ -158,6 +172,7 @@ def test_the_page_shows_it_and_hides_it_for_another_scene():
     frames(panel, pose, generation=2, first=8)
     assert panel._image.visible
     assert "kPa pressure" in panel._text.content
+    assert " 0 kPa shear" in panel._text.content  # none, and not what rounding leaves
     panel.close()
 
 

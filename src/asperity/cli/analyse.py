@@ -168,9 +168,11 @@ def _main_numbers(analysis: dict[str, Any]) -> list[str]:
         more = fit["overdispersion_low"] or 0.0
         scatter = f"; overdispersed ({fit['overdispersion']:.2g})" if more > 0.0 else ""
         doubt = "; AT THE LIMIT OF THE SEARCH: no threshold found" if fit["at_bound"] else ""
+        weber = fit.get("weber_fraction")
+        share = f", {100.0 * weber:.3g} % of the standard" if weber is not None else ""
         lines.append(
             f"{one['session']}: threshold {fit['threshold']:.4g} "
-            f"({fit['threshold_low']:.4g} to {fit['threshold_high']:.4g}), "
+            f"({fit['threshold_low']:.4g} to {fit['threshold_high']:.4g}){share}, "
             f"{one['trials']} trials, deviance p {fit['deviance_p']:.2g}{scatter}{doubt}"
         )
     lines += detection_lines(analysis.get("yes-no", ()))

@@ -29,7 +29,13 @@ def open_dataset(path: Path) -> xr.Dataset:
     if not os.path.exists(path):
         raise AsperityError(f"no such file: {path}; give a .nc file that asperity study wrote")
     if path.is_dir():
-        raise AsperityError(f"{path} is a folder; give a .nc file in it")
+        found = sorted(file.name for file in path.glob("*.nc"))
+        if found:
+            raise AsperityError(f"{path} is a folder; give a .nc file in it: {', '.join(found)}")
+        raise AsperityError(
+            f"{path} holds no .nc file that asperity study wrote"
+            + "; for the sound of a run: asperity export" * (path / "recording.h5").is_file()
+        )
     if path.stat().st_size == 0:
         raise AsperityError(f"{path} is empty; give a .nc file that asperity study wrote")
     try:

@@ -210,7 +210,10 @@ class ExperimentCommand:
         print_result([line, *(f"  {one}" for one in expected)], facts)
 
     def _print(self, outcome: SessionOutcome) -> None:
-        line = f"{outcome.folder}: {outcome.answers} answers; the session is complete"
+        line = (
+            f"{outcome.folder}: {outcome.answers} answers; the session is complete; "
+            f"next: asperity analyse {outcome.folder}"
+        )
         if not outcome.complete:
             line = (
                 f"{outcome.folder}: paused after {outcome.done} of at most {outcome.most} "

@@ -63,11 +63,10 @@ def _lines(display: Progress) -> Iterator[None]:
             open_tasks = [one for one in tasks if one.total is None or one.completed < one.total]
             if open_tasks:
                 task = open_tasks[0]
-                share = (
-                    f", {task.percentage:.0f} %" if task.total else f", {task.elapsed or 0.0:.0f} s"
-                )
+                share = f", {task.percentage:.0f} %" if task.total else ""
                 what = " ".join(task.description.split())
-                print(f"asperity: {what}{share}", file=sys.stderr, flush=True)
+                since = f", {task.elapsed or 0.0:.0f} s so far"
+                print(f"asperity: {what}{share}{since}", file=sys.stderr, flush=True)
 
     thread = threading.Thread(target=tell, name="progress", daemon=True)
     thread.start()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from contextlib import ExitStack
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,6 +26,8 @@ _MOTION_OPTIONS = (
     "force_n", "depth_mm", "order", "hand",
 )  # fmt: skip
 """Options of the motion, which only a simulated hand follows."""
+_NO_TORQUE = 1e-9
+"""Torque over force that counts as none [m]."""
 
 
 @command
@@ -122,17 +126,21 @@ class RunCommand:
         from asperity.scene.scale import scale_table
         from asperity.simulation.tool_contact import announce_compiling, tick_kernel
 
-        scene = self._scene()
-        scale = scale_table(scene)
-        motion = self._motion(scene)
-        self._save(scene, motion)
-        announce_compiling(tick_kernel(scene))  # before the progress bar is drawn
-        with result_folder(self.out, overwrite=self.overwrite) as folder, progress_bars() as bars:
-            task = bars.add_task(scene.name, total=None)
+        with ExitStack() as ending:
+            bars = ending.enter_context(progress_bars())
+            # Reading a mesh takes seconds, and at first what does it has to be compiled.
+            task = bars.add_task("making the scene ready", total=None)
+            scene = self._scene()
+            scale = scale_table(scene)
+            motion = self._motion(scene)
+            self._save(scene, motion)
+            announce_compiling(tick_kernel(scene))
+            folder = ending.enter_context(result_folder(self.out, overwrite=self.overwrite))
+            bars.update(task, description=scene.name)
 
             def show(i: int, rollout: Any) -> None:
                 if i == 0 and scale:
-                    bars.console.print(scale, markup=False, highlight=False)
+                    bars.console.print(scale, markup=False, highlight=False, soft_wrap=True)
                 if i % 25 == 0 or i + 1 == len(rollout.time):
                     fx, fy, fz = rollout.device_wrench[i, :3]
                     force = (fx * fx + fy * fy + fz * fz) ** 0.5
@@ -252,7 +260,15 @@ class RunCommand:
             if relief is not None:
                 table["height_range"] = relief
             options[f"{body}_texture"] = table
-        return make_scene(**options)
+        try:
+            return make_scene(**options)
+        except AsperityError as error:
+            body, _, what = str(error).partition(":")
+            if body not in ("tool", "target"):
+                raise
+            # As an option, not as an argument in Python.
+            what = re.sub(r"\bunit='(\w+)'", rf"--{body}-unit \1", what)
+            raise AsperityError(f"{body}:{what}") from None
 
     def _motion(self, scene: Scene) -> ScriptedMotion | Trajectory:
         """Return the scene's motion with what the options change."""
@@ -287,10 +303,13 @@ class RunCommand:
             if hand
             else ""
         )
+        torque = summary["largest_torque_n_m"]
+        if torque < _NO_TORQUE * summary["largest_force_n"]:
+            torque = 0.0  # of rounding alone, as that of a sphere
         line = (
             f"{self.out}: {summary['ticks']} ticks, median {us['median']:.0f} us, "
             f"p99 {us['p99']:.0f} us; at most {summary['largest_force_n']:.3g} N and "
-            f"{summary['largest_torque_n_m'] * 1e3:.3g} mN m; {status['certified']} of {contacts} "
+            f"{torque * 1e3:.3g} mN m; {status['certified']} of {contacts} "
             f"depths certified{active}{held}"
         )
         print_result([line, *(f"  {note}" for note in summary["notes"])], summary)

@@ -75,7 +75,7 @@ class StabilityCommand:
         details = (
             f"{self.out}: largest stable stiffness {smooth.min():.2f} to {smooth.max():.2f} of "
             f"2 b / T without texture, at least {textured.min():.2g} with; contact stiffness up to "
-            f"{result.raised.max():.3g} k; {scene.coupling.mode} coupling: buzzing "
+            f"{result.raised.max():.3g} times the scene's; {scene.coupling.mode} coupling: buzzing "
             f"{symptoms.buzzing * 1e3:.3g} mN, aliveness {symptoms.aliveness * 1e3:.3g} mN"
         )
         print_result([verdict(result, scene), details], summary(result, scene))

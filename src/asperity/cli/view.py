@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,8 +16,7 @@ from asperity.cli.result import announce, print_result
 from asperity.errors import AsperityError
 
 if TYPE_CHECKING:
-    from asperity.viewer.drawables.look import SceneLook
-    from asperity.viewer.servo_client import ServoClient
+    from asperity.viewer.server.server import OpenServer
     from asperity.viewer.session_config import SessionConfig
 
 FIRST = "probe-plate"
@@ -77,41 +76,56 @@ class ViewCommand:
             from asperity.viewer.browser import require_browser
 
             require_browser()  # before half a minute of start
+        if self.screenshot is not None:
+            self._take_picture(self._config(), self.screenshot)
+        else:
+            self._show()
+
+    def _show(self) -> None:
+        """Serve the page until the end.
+
+        Browsers load, which takes them seconds, while the page is made.
+        """
         config = self._config()
         from asperity.simulation.tool_contact import announce_compiling
+        from asperity.viewer.link import LinkRequests
+        from asperity.viewer.server.server import OpenServer
         from asperity.viewer.servo_client import ServoClient
 
-        announce_compiling()
-        if self.screenshot is not None:
-            self._take_picture(config, self.screenshot)
-            return
-        # The servo process starts, which takes a second or two, while what the page shows is made.
-        with ThreadPoolExecutor(1) as aside:
-            looking = aside.submit(_look, config, self.triangles)
-            with ServoClient(config) as servo:
-                self._serve(servo, config, looking.result())
+        with ExitStack() as ending:
+            server = OpenServer(self.host, self.port, links=LinkRequests())
+            ending.callback(server.close)
+            if config.is_mouse:  # which cannot be absent
+                self._invite(server, config, config.device)
+            from asperity.viewer.app import live_page
 
-    def _serve(self, servo: ServoClient, config: SessionConfig, look: SceneLook) -> None:
-        """Serve the page of a running loop until the end."""
-        from asperity.viewer.app import live_page
-
-        with live_page(
-            servo, self.out, self.triangles, host=self.host, port=self.port, ready=look
-        ) as page:
-            if page.notice:
-                announce(page.notice)
-            print_result(
-                f"{page.url}  ({config.scene.name}, {servo.device}; Ctrl-C ends it)",
-                {"url": page.url, "scene": config.scene.name, "device": servo.device},
-            )
-            if not self.no_open:
-                import webbrowser
-
-                webbrowser.open(page.url)
+            announce_compiling()
+            servo = ServoClient(config)
+            ending.callback(servo.close)
+            shown = live_page(servo, self.out, self.triangles, at=server)
+            # The picture first: the loop, which compiles or loads, would take a core from it.
+            page = ending.enter_context(shown)
+            servo.start()
+            if not config.is_mouse:
+                self._invite(server, config, servo.device)
             try:
                 page.wait(self.seconds)
             except KeyboardInterrupt:
                 announce("ended")
+
+    def _invite(self, server: OpenServer, config: SessionConfig, device: str) -> None:
+        """Print the address of the page, and open it in the browser."""
+        if server.notice:
+            announce(server.notice)
+        name = config.scene.name
+        print_result(
+            f"{server.url}  ({name}, {device}; Ctrl-C ends it)",
+            {"url": server.url, "scene": name, "device": device},
+        )
+        if not self.no_open:
+            import webbrowser
+
+            webbrowser.open(server.url)
 
     def _simulate(self) -> None:
         """Show a MuJoCo model that runs in real time."""
@@ -173,13 +187,3 @@ class ViewCommand:
             options=parse_device_options(self.options.device_option),
             **self.options.session(),
         )
-
-
-def _look(config: SessionConfig, triangles: int) -> SceneLook:
-    """Return what the page shows at first; import what the page is made of on the way."""
-    import viser  # noqa: F401
-
-    import asperity.viewer.app  # noqa: F401
-    from asperity.viewer.drawables.look import SceneLook
-
-    return SceneLook.of(config.scene, triangles)

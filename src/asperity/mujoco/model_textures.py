@@ -20,6 +20,7 @@ import mujoco
 
 from asperity._core.files import text_of
 from asperity.errors import AsperityError
+from asperity.scene.document import SURFACE, require_keys
 from asperity.scene.texture import body_surface
 
 _PREFIX = "texture:"
@@ -43,7 +44,7 @@ def textures_of_model(model: mujoco.MjModel) -> dict[str, Any]:
     if not found:
         raise AsperityError(
             'the model has no custom text such as <text name="texture:GEOM" data="knurl:0.8mm"/>; '
-            "give textures, or the path of a TOML file"
+            "give textures, or a TOML file of them (for asperity view: textures.toml beside it)"
         )
     return found
 
@@ -64,6 +65,14 @@ def textures_of_file(path: str | os.PathLike[str]) -> dict[str, Any]:
     tables = document.get("textures")
     if not isinstance(tables, dict) or not tables:
         raise AsperityError(f"{path} has no table [textures.NAME]")
-    return {
-        name: body_surface(table, f"textures.{name}", path.parent) for name, table in tables.items()
-    }
+    out = {}
+    for name, table in tables.items():
+        key = f"textures.{name}"
+        if not isinstance(table, dict):
+            raise AsperityError(f"{path}: {key} must be a table with texture = {{...}}")
+        try:
+            require_keys(table, key, SURFACE)
+            out[name] = body_surface(table, key, path.parent)
+        except AsperityError as error:
+            raise AsperityError(f"{path}: {error}") from None
+    return out

@@ -26,7 +26,7 @@ from asperity.mujoco.surfaces import Surfaces, attach
 from asperity.scene.mjcf import GEOMS, model_mesh
 from asperity.viewer.drawables.colours import CONTACT
 from asperity.viewer.drawables.shapes import FEWEST, MOST, Drawable, shapes_of_parts
-from asperity.viewer.drawables.stage import UNITS, add_ground, add_shape, place, set_up_lights
+from asperity.viewer.drawables.stage import UNITS, add_ground, add_shape, place, set_up_view
 from asperity.viewer.server.pace import UPDATE_RATE
 from asperity.viewer.server.server import LOCAL, start_server, stop_server
 
@@ -84,7 +84,7 @@ class ModelPage:
         require_between("triangles", triangles, FEWEST, MOST, "")
         self._model, self._now, self._shown = surfaces.model, now, -np.inf
         self.server: Any = start_server(LOCAL, port, "asperity: MuJoCo model")
-        set_up_lights(self.server)
+        set_up_view(self.server)
         self._frames = [
             self.server.scene.add_frame(f"/model/{b}", show_axes=False)
             for b in range(self._model.nbody)

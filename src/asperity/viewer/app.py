@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from asperity.viewer.drawables.look import SceneLook
 from asperity.viewer.drawables.shapes import TRIANGLES
 from asperity.viewer.link import LinkRequests
 from asperity.viewer.panels.actions import ActionsPanel
 from asperity.viewer.panels.controls import ControlsPanel
+from asperity.viewer.panels.light import LightPanel
 from asperity.viewer.panels.mouse import MousePanel
 from asperity.viewer.panels.panel import Panel
 from asperity.viewer.panels.plots import PlotsPanel
@@ -24,7 +24,7 @@ from asperity.viewer.panels.status import StatusPanel
 from asperity.viewer.panels.stimuli import StimuliPanel
 from asperity.viewer.panels.textures import TexturesPanel
 from asperity.viewer.panels.time import TimePanel
-from asperity.viewer.server.server import LOCAL, Page, serve
+from asperity.viewer.server.server import LOCAL, OpenServer, Page, serve
 from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.timeline import Timeline, TimelineClient
 
@@ -32,32 +32,33 @@ from asperity.viewer.timeline import Timeline, TimelineClient
 @contextmanager
 def live_page(
     servo: ServoClient, folder: Path, triangles: int, *, host: str = LOCAL, port: int = 8080,
-    ready: SceneLook | None = None,
+    at: OpenServer | None = None,
 ) -> Iterator[Page]:  # fmt: skip
-    """Serve the page of a running loop until the block ends.
+    """Serve the page of a loop until the block ends.
 
     Parameters
     ----------
     servo : ServoClient
-        Started.
+        Started, or to be started: until then the page shows the scene and that the loop starts.
     folder : Path
         Where recordings go.
     triangles : int
         Largest number of triangles shown.
     host, port : str, int
         At any address but the loopback, a token is required; `Page.notice` names what this exposes.
-    ready : SceneLook, optional
-        Of the first scene, if it has been made.
+    at : OpenServer, optional
+        In place of host and port.
     """
     client, panels = instrument_panels(servo, folder)
     shown: Any = client  # has all attributes of a ServoClient
-    timeline, links = client.timeline, LinkRequests()
+    timeline = client.timeline
+    links = (at.links if at else None) or LinkRequests()
 
     def made() -> list[Panel]:
-        first = live_panels(triangles, timeline=timeline, links=links, folder=folder, ready=ready)
+        first = live_panels(triangles, timeline=timeline, links=links, folder=folder)
         return [*first, *panels]
 
-    with serve(shown, made, host=host, port=port, links=links) as page:
+    with serve(shown, made, host=host, port=port, links=links, at=at) as page:
         yield page
 
 
@@ -67,7 +68,6 @@ def live_panels(
     timeline: Timeline | None = None,
     links: LinkRequests | None = None,
     folder: Path = Path("out/view"),
-    ready: SceneLook | None = None,
 ) -> list[Panel]:
     """Return the panels that control a running loop, in the order of their tabs.
 
@@ -83,13 +83,11 @@ def live_panels(
         Links that browsers open.
     folder : Path
         Where scenes are saved.
-    ready : SceneLook, optional
-        As of `live_page`.
     """
-    mouse, view = MousePanel(), SceneView(triangles, ready)
+    mouse, view = MousePanel(), SceneView(triangles)
     return [
         StatusPanel(timeline), ActionsPanel(mouse, view, timeline, links, folder), mouse,
-        ControlsPanel(), StimuliPanel(), TexturesPanel(view), view,
+        ControlsPanel(), StimuliPanel(), TexturesPanel(view), view, LightPanel(),
     ]  # fmt: skip
 
 
@@ -101,7 +99,6 @@ def instrument_panels(servo: ServoClient, folder: Path) -> tuple[TimelineClient,
     Parameters
     ----------
     servo : ServoClient
-        Started.
     folder : Path
         Where recordings go.
 

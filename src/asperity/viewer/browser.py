@@ -94,7 +94,9 @@ def browser_tab(size: tuple[int, int] = SIZE) -> Iterator[Any]:
         else:
             raise AsperityError(f"{path} did not start within {_STARTING:g} s, {_ATTEMPTS} times")
         try:
-            yield browser.new_page(viewport={"width": size[0], "height": size[1]})
+            page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+            page.add_init_script("window.asperityLight = 'full'")
+            yield page
         finally:
             browser.close()
 

@@ -17,6 +17,7 @@ from asperity.realtime.servo.replay import scene_of_recording
 from asperity.realtime.servo.snapshot import Snapshot
 from asperity.runs.recording import read_attributes, recording_file
 from asperity.viewer.downloads import add_downloads
+from asperity.viewer.panels.light import LightPanel
 from asperity.viewer.panels.panel import Panel, ViserServer
 from asperity.viewer.panels.plots import PlotsPanel
 from asperity.viewer.panels.roughness import RoughnessPanel
@@ -105,7 +106,7 @@ def recording_page(
         timeline = Timeline(rate=rate)
         timeline.show(ticks, contacts.snapshot_at, f"recording {path.parent.name}")
         panels: list[Panel] = [
-            SceneView(), TimePanel(timeline, live=False), RoughnessPanel(timeline),
+            SceneView(), LightPanel(), TimePanel(timeline, live=False), RoughnessPanel(timeline),
             PlotsPanel(timeline), _DownloadPanel(path), SoundPanel(timeline, live=False),
         ]  # fmt: skip
         config = SessionConfig(found, device="recording", rate=rate)

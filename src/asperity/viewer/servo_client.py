@@ -86,7 +86,7 @@ class ServoClient:
         """States before the user's changes, which `undo` returns to."""
         self._first = config
         self._restarting = ThreadPoolExecutor(1, "asperity-restart")
-        self._closing = threading.Event()
+        self._begun, self._closing = threading.Event(), threading.Event()
         self._reader = threading.Thread(target=self._read, name="asperity-ticks", daemon=True)
 
     # -- reading -------------------------------------------------------------------------------
@@ -144,13 +144,18 @@ class ServoClient:
     def start(self) -> None:
         """Start the first servo process; return when it ticks.
 
+        A change that a page requests meanwhile waits for that or is refused.
+
         Raises
         ------
         AsperityError
             The loop could not begin.
         """
         self._reader.start()
-        self._replace(self.config)
+        try:
+            self._replace(self.config)
+        finally:
+            self._begun.set()
 
     def change(self, **changes: Any) -> None:
         """Change stiffness, friction, coupling or rate: all of them at once, between two ticks.
@@ -160,9 +165,7 @@ class ServoClient:
         AsperityError
             A value is out of range, or no loop is running.
         """
-        servo = self._servo
-        if servo is None or not self.is_alive:
-            raise AsperityError("no servo loop is running; restart it")
+        servo = self._ticking()
         before = self._state(", ".join(changes))
         servo.set(**changes)
         self.changes.note(before, time.monotonic())
@@ -205,15 +208,23 @@ class ServoClient:
         self._go_to(State("", first, LiveParameters.of(first.scene, first.rate)))
         self.changes.note(before)
 
+    def _ticking(self) -> Servo:
+        """Return the servo process; AsperityError if no loop runs."""
+        servo = self._servo
+        if servo is None or not self.is_alive:
+            starts = self.state == "starting"
+            raise AsperityError(
+                "the loop is still starting" if starts else "no servo loop is running; restart it"
+            )
+        return servo
+
     def _state(self, before: str) -> State:
         return State(before, self.config, self.parameters)
 
     def _go_to(self, state: State) -> None:
         wanted = state.parameters
         if state.config is self.config:
-            if self._servo is None or not self.is_alive:
-                raise AsperityError("no servo loop is running; restart it")
-            self._servo.set(**changed_parameters(self.parameters, wanted))
+            self._ticking().set(**changed_parameters(self.parameters, wanted))
         else:
             job = self._restarting.submit(self._replace_or_report, state.config, wanted)
             job.result()
@@ -238,6 +249,7 @@ class ServoClient:
     def close(self) -> None:
         """End all processes and threads."""
         self._closing.set()
+        self._begun.set()
         self._restarting.shutdown(wait=True, cancel_futures=True)
         with self._lock:
             servo, self._servo = self._servo, None
@@ -263,6 +275,7 @@ class ServoClient:
     def _replace_or_report(
         self, config: SessionConfig, parameters: LiveParameters | None = None
     ) -> None:
+        self._begun.wait()
         before, was_alive = self.config, self.is_alive
         try:
             self._replace(config, parameters)

@@ -139,6 +139,8 @@ def shapes_of_parts(
                 break
         else:
             low = spacing
+            if count == least and not best:
+                break  # coarser they do not become
             if count < least:
                 fewest, least = shapes, count
         if tried + 1 >= _ROUNDS and best:
@@ -350,9 +352,14 @@ def _kept(sheet: Sheet, axis: int) -> NDArray[np.int64]:
     size = float(np.ptp(points.reshape(-1, 3), axis=0).max())
     slack = _STRAIGHT * relief if relief > 0.0 else 1e-3 * size
     count = len(points)
+    bent = np.abs(points[1:-1] - 0.5 * (points[:-2] + points[2:])).max(axis=(1, 2)) > slack
     kept, at = [0], 0
     while at < count - 1:
         span = 1
+        if at < len(bent) and bent[at]:  # as most are of a relief
+            at += 1
+            kept.append(at)
+            continue
         while at + 2 * span < count and _is_straight(points[at : at + 2 * span + 1], slack):
             span *= 2
         step = span

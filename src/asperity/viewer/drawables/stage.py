@@ -19,23 +19,38 @@ by 0.02 units: a hand tool is seen whole from nearer than that, and its shadow b
 """
 _GRID, _SECTION = 0.01, 0.05
 """Distance between lines of the ground, and between strong lines [m]."""
+_SKY, _SKY_ALONE = 0.25, 2.8
+"""Intensity of the light from above, beside reflections of a room and without."""
 _HORIZON = 14.0
 """Distance at which the ground has faded, over the size of what is seen."""
 
 
-def set_up_lights(server: ViserServer) -> None:
-    """Set up light and background of a view whose z axis points upwards."""
+def set_up_view(server: ViserServer) -> None:
+    """Set up background and light of a view whose z axis points upwards."""
     scene = server.scene
     scene.set_up_direction("+z")
     scene.world_axes.visible = False
     scene.set_background_image(_backdrop(), format="png")
     scene.configure_default_lights(False)
-    scene.configure_environment_map("studio", environment_intensity=0.55)
+    set_light(scene)
+
+
+def set_light(scene: Any, *, simple: bool = False) -> None:
+    """Set the light of a scene of viser, of all browsers or of one.
+
+    Parameters
+    ----------
+    scene : viser.SceneApi
+    simple : bool
+        Without shadows and reflections, which take two thirds of the time where a processor draws.
+    """
+    scene.configure_environment_map(None if simple else "studio", environment_intensity=0.55)
     scene.add_light_hemisphere(
-        "/light/sky", sky_color=(255, 255, 255), ground_color=(120, 110, 100), intensity=0.25
-    )
+        "/light/sky", sky_color=(255, 255, 255), ground_color=(120, 110, 100),
+        intensity=_SKY_ALONE if simple else _SKY,
+    )  # fmt: skip
     scene.add_light_directional(
-        "/light/key", color=(255, 248, 238), intensity=2.6, cast_shadow=True,
+        "/light/key", color=(255, 248, 238), intensity=2.6, cast_shadow=not simple,
         position=(-6.0, -9.0, 16.0),
     )  # fmt: skip
 

@@ -33,6 +33,7 @@ start a canned motion under *Hand*.
 | space | pause and go on; the loop does not stop |
 | r | reset: settings of the scene, hand in the air |
 | z | zoom to the contact, and back |
+| l | shadows and reflections on and off |
 | u | undo the last change |
 | ? or h | this help |
 

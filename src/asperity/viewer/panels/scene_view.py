@@ -28,7 +28,7 @@ from asperity.viewer.drawables.stage import (
     add_soft_shape,
     disc,
     place,
-    set_up_lights,
+    set_up_view,
     turn_to,
 )
 from asperity.viewer.panels.bent import Bent
@@ -74,14 +74,12 @@ class SceneView(Panel):
     ----------
     triangles : int
         Largest number of triangles of all bodies together.
-    ready : SceneLook, optional
-        Of the first scene, if it has been made.
     """
 
     title = ""
 
-    def __init__(self, triangles: int = TRIANGLES, ready: SceneLook | None = None) -> None:
-        self._triangles, self._ready = triangles, ready
+    def __init__(self, triangles: int = TRIANGLES) -> None:
+        self._triangles = triangles
         self._scene: Scene | None = None
         self._nodes: list[Any] = []
         self._painting: list[tuple[Drawable, Future[NDArray[np.uint8]]]] = []
@@ -95,7 +93,7 @@ class SceneView(Panel):
     def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Set up light and camera, and show the scene."""
         self._server, self._servo = server, servo
-        set_up_lights(server)
+        set_up_view(server)
         self._show(servo.config.scene)
 
     def update(self, frame: Frame) -> None:
@@ -198,9 +196,7 @@ class SceneView(Panel):
             job.cancel()
         self._painting = []
         self._scene = scene
-        look, self._ready = self._ready, None
-        if look is None or look.scene is not scene:
-            look = SceneLook.of(scene, self._triangles)
+        look = SceneLook.of(scene, self._triangles)
         self.shapes = look.shapes
         self._centre = np.array(coupled_body(scene.model, scene.tool).centre)
         tool = np.concatenate([s.vertices for s in self.shapes if s.is_tool])
@@ -214,6 +210,8 @@ class SceneView(Panel):
         self._tool = add.add_frame("/tool", show_axes=False)
         self._ghost = add.add_frame("/handle", show_axes=False)
         self._nodes = [self._tool, self._ghost]
+        place(self._tool, self._servo.config.first_pose)  # until the first snapshot
+        self._ghost.visible = False
         for shape in self.shapes:
             if len(shape.faces):
                 self._add(shape, "/tool" if shape.is_tool else "/scene")

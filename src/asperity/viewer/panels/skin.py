@@ -29,6 +29,8 @@ _LONGEST = 0.2
 _SHOWN = 97.0
 """Percentile of the pressed taxels that the scale reaches: a few, on steep flanks, bear far more.
 """
+_NONE = 1e-9
+"""Shear over pressure that counts as none."""
 NOTHING, PRESSURE = "nothing", "pressure"
 SHEAR, RIGHT, UP = "shear: size, direction", "shear to the right", "shear up"
 SHOWN = (NOTHING, PRESSURE, SHEAR, RIGHT, UP)
@@ -58,6 +60,8 @@ class SkinMap(NamedTuple):
     """The largest [Pa]."""
     area: float
     """Of the contact [m^2]."""
+    size: tuple[float, float]
+    """Of what is shown, along columns and along rows [m]."""
 
 
 def skin_map(engine: Any, motion: Moved, shown: str, scales: dict[bool, SteadyScale]) -> SkinMap:
@@ -87,7 +91,11 @@ def skin_map(engine: Any, motion: Moved, shown: str, scales: dict[bool, SteadySc
         image = taxel_map(values, end, arrows=shear if shown == SHEAR else None)
     else:
         image = taxel_map(shear[..., int(shown == UP)], end, signed=True)
-    return SkinMap(image, float(pressure.max()), float(size.max()), engine.skin.contact_area)
+    first, last, low, high = engine.grid.extent
+    return SkinMap(
+        image, float(pressure.max()), float(size.max()), engine.skin.contact_area,
+        (last - first, high - low),
+    )  # fmt: skip
 
 
 class SkinPanel(Panel):
@@ -164,12 +172,16 @@ class SkinPanel(Panel):
             self._scene = None
             return
         self._image.image = made.image
-        self._text.content = (
-            f"now at most {1e-3 * made.pressure:.3g} kPa pressure, {1e-3 * made.shear:.3g} kPa "
-            f"shear, on {1e6 * made.area:.3g} mm²"
+        # Less is what rounding leaves.
+        shear = made.shear if made.shear > _NONE * made.pressure else 0.0
+        wide, high = (1e3 * size for size in made.size)
+        now = (
+            f"Now at most {1e-3 * made.pressure:.3g} kPa pressure, {1e-3 * shear:.3g} kPa "
+            f"shear, on {1e6 * made.area:.3g} mm²."
             if made.pressure > 0.0
-            else "no contact"
+            else "No contact."
         )
+        self._text.content = f"{now} The map is {wide:.3g} x {high:.3g} mm large."
 
     def close(self) -> None:
         """End the thread."""

@@ -33,6 +33,7 @@ _LINE = (
     'margin-right:0.4em;background:{colour}"></span>{text}</div>'
 )
 _WORDS = {
+    "loop": "The process that computes the forces loads its contact, or compiles it.",
     "rate": "Ticks in the last second. What texture can be felt depends on it.",
     "tick, p99": "99 of 100 ticks took less than this. It has to be below the time between ticks.",
     "contact, p99": "99 of 100 contacts took less. Longer than a tick, contacts are renewed later.",

@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from asperity.runs.pressure_figure import taxel_image
-
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 """A scale ends at one of these, times a power of ten."""
 _LOW = 0.3
@@ -21,6 +19,8 @@ _BAR, _TEXT, _GAP = 12, 18, 6
 """Heights of the bar, of the text below it, and of the gap above it [pixels]."""
 _SIZE = 14.0
 """Of the text [pixels]."""
+_SEEN = 360
+"""Width of the page's panel, to which a wider map is shrunk, with its text [pixels]."""
 _ARROWS = 16
 """Most arrows along a side of the map."""
 _SHORTEST = 0.1
@@ -75,6 +75,9 @@ def taxel_map(
     arrows : (rows, columns, 2) array, optional
         To be drawn over it [Pa]: to the right, and upwards. Each is the mean of a square.
     """
+    # Not before there is a map: Matplotlib takes as long to load as the rest of the page.
+    from asperity.runs.pressure_figure import taxel_image
+
     chart = taxel_image(values, end, signed=signed)
     enlarged = max(-(-_LEAST_WIDTH // chart.shape[1]), 1)
     chart = chart.repeat(enlarged, axis=0).repeat(enlarged, axis=1)
@@ -82,25 +85,27 @@ def taxel_map(
     ramp = np.linspace(-end if signed else 0.0, end, width // 4)[None, :]
     bar = taxel_image(ramp, end, signed=signed)
     bar = np.pad(bar, ((0, 0), (0, width - bar.shape[1]), (0, 0)), mode="edge")
-    bar = bar[:1].repeat(_BAR, axis=0)
-    white = np.full((_GAP, width, 3), 255, np.uint8), np.full((_TEXT, width, 3), 255, np.uint8)
+    shrunk = max(width / _SEEN, 1.0)
+    bar = bar[:1].repeat(round(_BAR * shrunk), axis=0)
+    white = [np.full((round(h * shrunk), width, 3), 255, np.uint8) for h in (_GAP, _TEXT)]
     image = Image.fromarray(np.concatenate([chart, white[0], bar, white[1]]))
     pen = ImageDraw.Draw(image)
-    _label(pen, image.size, end, signed)
+    _label(pen, image.size, end, signed, shrunk)
     if arrows is not None:
         _draw_arrows(pen, arrows, chart.shape[0] / values.shape[0])
     return np.asarray(image)
 
 
-def _label(pen: ImageDraw.ImageDraw, size: tuple[int, int], end: float, signed: bool) -> None:
+def _label(
+    pen: ImageDraw.ImageDraw, size: tuple[int, int], end: float, signed: bool, shrunk: float
+) -> None:  # fmt: skip
     """Write both ends of the scale and its middle below the bar [kPa]."""
-    font = ImageFont.load_default(size=_SIZE)
+    font = ImageFont.load_default(size=_SIZE * shrunk)
     first = -end if signed else 0.0
     for part, anchor in ((0.0, "ls"), (0.5, "ms"), (1.0, "rs")):
         text = f"{1e-3 * (first + part * (end - first)):g}{'+ kPa' if part == 1.0 else ''}"
-        pen.text(
-            (part * (size[0] - 1), size[1] - 4), text, fill=(40, 40, 40), font=font, anchor=anchor
-        )
+        at = part * (size[0] - 1), size[1] - 4 * shrunk
+        pen.text(at, text, fill=(40, 40, 40), font=font, anchor=anchor)
 
 
 def _draw_arrows(pen: ImageDraw.ImageDraw, shear: NDArray[np.float64], taxel: float) -> None:

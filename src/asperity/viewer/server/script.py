@@ -26,6 +26,36 @@ if (!window.asperityKeys) {
 """viser has no key `?`, which is that of the help, `h`; and a tab that was clicked keeps the space
 bar to itself."""
 
+JUDGE = """
+if (!window.asperityJudge) {
+  // `asperityLight`: 'chosen' by a person or before, 'full' for a picture, however long that takes.
+  window.asperityJudge = (perSecond) => {
+    const light = window.asperityLight;
+    if (light === 'chosen' || (light !== 'full' && perSecond < LEAST)) return;
+    window.asperityLight = 'chosen';
+    document.documentElement.dispatchEvent(new KeyboardEvent('keydown',
+      {key: 'l', code: 'KeyL', bubbles: true, cancelable: true}));
+  };
+  document.addEventListener('keydown', (event) => {
+    if (event.key === 'l' && event.isTrusted) window.asperityLight = 'chosen';
+  }, true);
+  const watch = () => {
+    let frames = 0;
+    const count = () => { frames += 1; requestAnimationFrame(count); };
+    requestAnimationFrame(count);
+    setTimeout(() => {
+      if (document.visibilityState === 'visible') window.asperityJudge(1e3 * frames / WINDOW);
+    }, WINDOW);
+  };
+  const wait = () => document.querySelector('canvas') ? setTimeout(watch, WAIT)
+    : setTimeout(wait, 200);
+  wait();
+}
+"""
+"""Requests full light where enough frames are drawn a second, which viser does not measure."""
+for _name, _value in {"LEAST": 10, "WINDOW": 2000, "WAIT": 1000}.items():
+    JUDGE = JUDGE.replace(_name, str(_value))
+
 
 def run_in_browsers(server: Any, source: str) -> None:
     """Run JavaScript in all browsers, now and when they connect, if viser can."""

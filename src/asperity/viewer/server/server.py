@@ -7,7 +7,7 @@ import io
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from asperity.errors import AsperityError
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     import viser
 
 LOCAL = "127.0.0.1"
+_WAITING = (
+    '<div role="status" style="padding:0.3em 1em;font-size:0.9em">'
+    "The scene is being made ready ...</div>"
+)
 MISSING = "the page needs viser: pip install 'asperity[view]'"
 
 
@@ -57,6 +61,61 @@ def start_server(
     return server
 
 
+class OpenServer:
+    """A server that browsers can open, before there is a page: a line shows that it is being made.
+
+    So browsers load, which takes them seconds, while scene and page are made.
+
+    Parameters
+    ----------
+    host, port, label, links
+        As of `Page`.
+
+    Raises
+    ------
+    AsperityError
+        viser is not installed, or the address cannot be used.
+    """
+
+    def __init__(
+        self, host: str = LOCAL, port: int = 8080, label: str = "asperity",
+        links: LinkRequests | None = None,
+    ) -> None:  # fmt: skip
+        self._gate = None if is_local(host) else TokenGate()
+        self.links, self._closed = links, False
+        self.viser: Any = start_server(host, port, label, self._gate, links)
+        self._waiting = self.viser.gui.add_html(_WAITING)
+        # An empty page costs a browser nothing, but for viser's own axes and reflections.
+        self.viser.scene.world_axes.visible = False
+        self.viser.scene.configure_default_lights(False)
+        self.viser.scene.configure_environment_map(None)
+
+    @property
+    def url(self) -> str:
+        """Address of the page, with the token if one is required."""
+        host, port = self.viser.get_host(), self.viser.get_port()
+        return self._gate.url(host, port) if self._gate else f"http://{host}:{port}"
+
+    @property
+    def notice(self) -> str:
+        """What is printed at the start if other computers can reach the page, else ""."""
+        host, port = self.viser.get_host(), self.viser.get_port()
+        return self._gate.notice(host, port) if self._gate else ""
+
+    @contextlib.contextmanager
+    def building(self) -> Iterator[None]:
+        """Show all that is built within the block at once, in place of the line."""
+        with self.viser.atomic():
+            yield
+            self._waiting.remove()
+
+    def close(self) -> None:
+        """Take the server down; may be called twice."""
+        if not self._closed:
+            self._closed = True
+            stop_server(self.viser)
+
+
 def stop_server(server: viser.ViserServer) -> None:
     """Stop viser, which would print that it has."""
     with contextlib.redirect_stdout(io.StringIO()):
@@ -77,6 +136,8 @@ class Page:
         Title of the page.
     links : LinkRequests, optional
         Notes links that browsers open.
+    at : OpenServer, optional
+        In place of host, port, label and links.
 
     Raises
     ------
@@ -93,10 +154,11 @@ class Page:
         port: int = 8080,
         label: str = "asperity",
         links: LinkRequests | None = None,
+        at: OpenServer | None = None,
     ) -> None:
         self.servo, self.panels = servo, list(panels)
-        self._gate = None if is_local(host) else TokenGate()
-        self.server = start_server(host, port, label, self._gate, links)
+        self._at = at or OpenServer(host, port, label, links)
+        self.server = self._at.viser
         self.updates = 0
         """Number of updates of the panels."""
         self.pace = UpdatePace()
@@ -104,20 +166,23 @@ class Page:
         self._view_model = ViewModel(servo)
         self._stopping, self._paused = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="asperity-page", daemon=True)
-        self._build()
+        try:
+            with self._at.building():
+                self._build()
+        except BaseException:
+            self._at.close()
+            raise
         self._thread.start()
 
     @property
     def url(self) -> str:
         """Address of the page, with the token if one is required."""
-        host, port = self.server.get_host(), self.server.get_port()
-        return self._gate.url(host, port) if self._gate else f"http://{host}:{port}"
+        return self._at.url
 
     @property
     def notice(self) -> str:
         """What is printed at the start if other computers can reach the page, else ""."""
-        host, port = self.server.get_host(), self.server.get_port()
-        return self._gate.notice(host, port) if self._gate else ""
+        return self._at.notice
 
     def wait(self, seconds: float | None = None) -> bool:
         """Wait until the page is closed, at most `seconds` [s]; return whether it is."""
@@ -134,7 +199,7 @@ class Page:
             self._thread.join(2.0)
         for panel in self.panels:
             panel.close()
-        stop_server(self.server)
+        self._at.close()
 
     def __enter__(self) -> Page:
         return self
@@ -192,8 +257,9 @@ def serve(
     host: str = LOCAL,
     port: int = 8080,
     links: LinkRequests | None = None,
+    at: OpenServer | None = None,
 ) -> Page:
-    """Start and return the page of a started servo client. Close it when done."""
+    """Start and return the page of a servo client, as `Page`. Close it when done."""
     scene = servo.config.scene.name
     label = f"asperity: {scene}"
-    return Page(servo, make_panels(), host=host, port=port, label=label, links=links)
+    return Page(servo, make_panels(), host=host, port=port, label=label, links=links, at=at)
