@@ -129,7 +129,7 @@ def test_a_slow_browser_goes_without_shadows_and_says_so(shown, tab):
     tab.keyboard.press("l")
     until(lambda: not light.full)
     tab.evaluate("asperityLight = ''; asperityJudge(3)")
-    light._told.clear()
+    light._noted.clear()
     light._since.clear()
     tab.get_by_text("Drawn simply").wait_for()
     assert not light.full

@@ -15,8 +15,8 @@ from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.server.script import JUDGE, run_in_browsers
 from asperity.viewer.servo_client import ServoClient
 
-TOLD_AFTER = 10.0
-"""Time after which a browser without shadows and reflections is told why [s]."""
+NOTE_AFTER = 10.0
+"""Time after which a browser without shadows and reflections gets a note [s]."""
 
 
 class LightPanel(Panel):
@@ -27,7 +27,7 @@ class LightPanel(Panel):
     def __init__(self) -> None:
         self.full: set[int] = set()
         """Numbers of the browsers with shadows and reflections."""
-        self._told: set[int] = set()
+        self._noted: set[int] = set()
         self._since: dict[int, float] = {}
 
     def build(self, server: ViserServer, servo: ServoClient) -> None:
@@ -39,12 +39,12 @@ class LightPanel(Panel):
         set_light(server.scene, simple=True)
 
     def update(self, frame: Frame) -> None:
-        """Tell browsers that draw slowly what is left out."""
+        """Show a note in browsers that draw slowly."""
         now = time.monotonic()
         for number, client in self._server.get_clients().items():
-            due = now - self._since.setdefault(number, now) > TOLD_AFTER
-            if due and number not in self._told | self.full:
-                self._told.add(number)
+            due = now - self._since.setdefault(number, now) > NOTE_AFTER
+            if due and number not in self._noted | self.full:
+                self._noted.add(number)
                 client.add_notification(
                     "Drawn simply", "Without shadows and reflections, which take most of the time "
                     "where the processor draws. The key L adds them.", color="blue",
@@ -54,6 +54,6 @@ class LightPanel(Panel):
     def _switch(self, event: Any) -> None:
         client = event.client
         if client is not None:
-            self._told.add(client.client_id)
+            self._noted.add(client.client_id)
             self.full ^= {client.client_id}
             set_light(client.scene, simple=client.client_id not in self.full)
