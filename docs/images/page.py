@@ -41,6 +41,7 @@ def main() -> None:
         tab.goto(page.url)
         tab.wait_for_selector("canvas")
         tab.wait_for_timeout(_LOADED)
+        tab.keyboard.press("l")  # shadows and reflections, however long they take
         close_notes(tab)
         servo.move(CannedMotion("slide", 0.01, 0.01), press=0.8)
         time.sleep(3.0)

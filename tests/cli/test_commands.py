@@ -76,7 +76,10 @@ def test_jitter_is_measured_against_the_deadlines_not_the_sleeps():
     np.testing.assert_allclose(late, 50e-6, atol=1e-12)
 
 
-@pytest.mark.parametrize(("stopped_in", "told"), [("taking", "nothing was"), ("closing", "is")])
+@pytest.mark.parametrize(
+    ("stopped_in", "told"),
+    [("taking", "nothing was"), ("closing the browser", "is"), ("closing", "is")],
+)
 def test_whoever_stops_a_picture_of_the_page_is_told_whether_there_is_one(
     stopped_in, told, tmp_path, monkeypatch, capsys
 ):
@@ -98,6 +101,8 @@ def test_whoever_stops_a_picture_of_the_page_is_told_whether_there_is_one(
         if stopped_in == "taking":
             raise KeyboardInterrupt
         path.write_bytes(b"PNG")
+        if stopped_in == "closing the browser":
+            raise KeyboardInterrupt
 
     monkeypatch.setattr(asperity.viewer.browser, "require_browser", lambda: "chromium")
     monkeypatch.setattr(asperity.viewer.browser, "take_picture", take)
@@ -106,4 +111,4 @@ def test_whoever_stops_a_picture_of_the_page_is_told_whether_there_is_one(
     picture = tmp_path / "page.png"
     assert main(["view", "--screenshot", str(picture), "--out", str(tmp_path / "view")]) == 130
     assert f"{told} written" in capsys.readouterr().err
-    assert picture.exists() == (stopped_in == "closing")
+    assert picture.exists() == (stopped_in != "taking")

@@ -123,7 +123,9 @@ def test_a_rigid_tool_shows_nothing_until_it_is_asked(shown, tab):
 def test_a_slow_browser_goes_without_shadows_and_says_so(shown, tab):
     _, page = shown
     light = next(p for p in page.panels if type(p).__name__ == "LightPanel")
-    until(lambda: light.full)  # as for a picture
+    assert not light.full
+    tab.keyboard.press("l")
+    until(lambda: light.full)
     tab.keyboard.press("l")
     until(lambda: not light.full)
     tab.evaluate("asperityLight = ''; asperityJudge(3)")

@@ -153,19 +153,20 @@ class ViewCommand:
         from asperity.viewer.browser import take_picture
         from asperity.viewer.servo_client import ServoClient
 
-        taken = False
+        before = _version(picture)
         try:
             with (
                 ServoClient(config) as servo,
                 live_page(servo, self.out, self.triangles, host=self.host, port=self.port) as page,
             ):
                 take_picture(page, picture)
-                taken = True
                 print_result(
                     f"{picture}: {servo.config.scene.name}",
                     {"picture": picture, "scene": servo.config.scene.name},
                 )
         except KeyboardInterrupt:
+            # Also while the browser was being closed, after it had written the picture.
+            taken = _version(picture) not in (None, before)
             raise KeyboardInterrupt(f"{picture} is written" if taken else "") from None
 
     def _config(self) -> SessionConfig:
@@ -187,3 +188,8 @@ class ViewCommand:
             options=parse_device_options(self.options.device_option),
             **self.options.session(),
         )
+
+
+def _version(file: Path) -> int | None:
+    """Return what changes when a file is written; None if there is none."""
+    return file.stat().st_mtime_ns if file.is_file() else None

@@ -15,8 +15,8 @@ from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.server.script import JUDGE, run_in_browsers
 from asperity.viewer.servo_client import ServoClient
 
-NOTED_AFTER = 10.0
-"""Time after which a browser without shadows and reflections gets a note of that [s]."""
+NOTE_AFTER = 10.0
+"""Time after which a browser without shadows and reflections gets a note [s]."""
 
 
 class LightPanel(Panel):
@@ -39,10 +39,10 @@ class LightPanel(Panel):
         set_light(server.scene, simple=True)
 
     def update(self, frame: Frame) -> None:
-        """Add a note in browsers that draw slowly."""
+        """Show a note in browsers that draw slowly."""
         now = time.monotonic()
         for number, client in self._server.get_clients().items():
-            due = now - self._since.setdefault(number, now) > NOTED_AFTER
+            due = now - self._since.setdefault(number, now) > NOTE_AFTER
             if due and number not in self._noted | self.full:
                 self._noted.add(number)
                 client.add_notification(

@@ -28,10 +28,9 @@ bar to itself."""
 
 JUDGE = """
 if (!window.asperityJudge) {
-  // `asperityLight`: 'chosen' by a person or before, 'full' for a picture, however long that takes.
+  // `asperityLight`: 'chosen' by a person, by this, or for pictures and tests.
   window.asperityJudge = (perSecond) => {
-    const light = window.asperityLight;
-    if (light === 'chosen' || (light !== 'full' && perSecond < LEAST)) return;
+    if (window.asperityLight === 'chosen' || perSecond < LEAST) return;
     window.asperityLight = 'chosen';
     document.documentElement.dispatchEvent(new KeyboardEvent('keydown',
       {key: 'l', code: 'KeyL', bubbles: true, cancelable: true}));
@@ -47,7 +46,7 @@ if (!window.asperityJudge) {
       if (document.visibilityState === 'visible') window.asperityJudge(1e3 * frames / WINDOW);
     }, WINDOW);
   };
-  const wait = () => document.querySelector('canvas') ? setTimeout(watch, WAIT)
+  const wait = () => document.querySelector('[role=tab]') ? setTimeout(watch, WAIT)
     : setTimeout(wait, 200);
   wait();
 }
