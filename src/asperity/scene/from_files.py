@@ -266,7 +266,8 @@ def _table(key: str, source: File) -> dict[str, Any]:
         path = Path(out["file"]).expanduser().absolute()
         if not path.is_file():
             valid = _PATTERN if key.endswith("_texture") else _SOLID
-            what = "this is a folder" if path.is_dir() else "no such file"
+            is_folder = bool(str(out["file"])) and path.is_dir()
+            what = "this is a folder" if is_folder else "no such file"
             raise AsperityError(f"{key}: {what}: {str(out['file'])[-120:]}; valid: {valid}")
         out["file"] = str(path)
     return out
