@@ -26,7 +26,7 @@ KINDS = [("block", 7.0), ("block", 40.0), ("roof", 10.0), ("ball", 25.0), ("roll
 def _heights(textures, patch, places, out):
     for i in range(places.shape[0]):
         x, y = places[i, 0], places[i, 1]
-        h = height_on(textures, patch, x, y, root_at(patch, x, y))
+        h = height_on(textures, patch, patch.texture, x, y, root_at(patch, x, y))
         for k in range(6):
             out[i, k] = h[k]
 
