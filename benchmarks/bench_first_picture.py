@@ -3,11 +3,10 @@
     python benchmarks/bench_first_picture.py [--scene probe-plate] [--runs 2]
 
 A headless Chromium, which draws by software, waits; the command starts, and its address is opened
-when it is printed. The picture counts when a mesh of so many triangles as the bodies has been
-drawn: what the browser was told is read back from its picture. Told are seconds from the command
-to the address and to the picture, and processor seconds of the command and of the browser until
-then, which a busy machine changes less. The bars, 5 s from the cache, are for a free machine.
-Linux only (/proc).
+when it is printed. The picture counts when a mesh of as many triangles as the bodies have has been
+drawn and a pixel of it can be read back. Printed are seconds from the command to the address and to
+the picture, and processor seconds of the command and of the browser until then, which a busy
+machine changes less. The bar, 5 s from the cache, is for a free machine. Linux only (/proc).
 """
 
 from __future__ import annotations
