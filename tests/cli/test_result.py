@@ -74,7 +74,7 @@ def test_short_work_says_nothing():
 
 def test_sound_of_a_run_is_elsewhere(tmp_path, capsys):
     assert main(["sound", str(tmp_path)]) == 2
-    assert "holds no .nc file that asperity study wrote" in capsys.readouterr().err
+    assert "without a .nc file that asperity study wrote" in capsys.readouterr().err
     (tmp_path / "recording.h5").touch()
     assert main(["sound", str(tmp_path)]) == 2
     assert "for the sound of a run: asperity export" in capsys.readouterr().err

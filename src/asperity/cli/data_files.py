@@ -33,7 +33,7 @@ def open_dataset(path: Path) -> xr.Dataset:
         if found:
             raise AsperityError(f"{path} is a folder; give a .nc file in it: {', '.join(found)}")
         raise AsperityError(
-            f"{path} holds no .nc file that asperity study wrote"
+            f"{path} is a folder without a .nc file that asperity study wrote"
             + "; for the sound of a run: asperity export" * (path / "recording.h5").is_file()
         )
     if path.stat().st_size == 0:
