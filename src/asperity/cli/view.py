@@ -93,7 +93,8 @@ class ViewCommand:
         from asperity.viewer.servo_client import ServoClient
 
         with ExitStack() as ending:
-            server = OpenServer(self.host, self.port, links=LinkRequests())
+            title = f"asperity: {config.scene.name}"
+            server = OpenServer(self.host, self.port, title, LinkRequests())
             ending.callback(server.close)
             if config.is_mouse:  # which cannot be absent
                 self._invite(server, config, config.device)
