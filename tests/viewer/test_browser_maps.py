@@ -1,7 +1,6 @@
 """In a real browser: maps of pressure and shear, and light that a slow browser goes without."""
 
 import io
-import time
 
 import numpy as np
 import pytest
@@ -22,6 +21,8 @@ from asperity.viewer.session_config import SessionConfig
 pytestmark = pytest.mark.skipif(chromium() is None, reason="no Chromium is installed")
 SLOW = 180e3
 """[ms]"""
+PATIENCE = 120.0
+"""Time in which what was asked for is there [s]."""
 SPEED, DEEP = 0.01, {"palpation": 1.5e-3, "finger-plate": 1e-3, "probe-plate": 1e-4}
 """[m/s], [m]."""
 
@@ -72,13 +73,6 @@ def tab(shown):
         pytest.skip(str(reason))
 
 
-def until(what, seconds=120.0):
-    end = time.monotonic() + seconds
-    while not what():
-        assert time.monotonic() < end
-        time.sleep(0.1)
-
-
 def drawn(tab):
     """Return the map as the browser has it (rows, columns, 3)."""
     image = tab.locator("img:not([src*='svg']):visible").first
@@ -95,23 +89,23 @@ def colours_of(picture):
     return len(np.unique(picture.reshape(-1, 3) // 32, axis=0))
 
 
-def test_a_soft_scene_shows_its_pressure_and_shear_with_numbers(shown, tab):
+def test_a_soft_scene_shows_its_pressure_and_shear_with_numbers(shown, tab, until):
     tab.get_by_text("kPa pressure").first.wait_for()
-    until(lambda: colours_of(drawn(tab)) > 8)
+    until(lambda: colours_of(drawn(tab)) > 8, PATIENCE)
     pressure = drawn(tab)
     choose(tab, RIGHT)
     # Blue and red over grey, in place of black and yellow.
-    until(lambda: np.median(drawn(tab)[:40]) > np.median(pressure[:40]) + 60)
+    until(lambda: np.median(drawn(tab)[:40]) > np.median(pressure[:40]) + 60, PATIENCE)
 
 
-def test_a_rigid_tool_shows_nothing_until_it_is_asked(shown, tab):
+def test_a_rigid_tool_shows_nothing_until_it_is_asked(shown, tab, until):
     servo, _ = shown
     servo.show("probe-plate")
     tab.get_by_text("kPa pressure").first.wait_for(state="hidden")
     assert tab.get_by_label("Map").first.input_value() == NOTHING
     choose(tab, PRESSURE)
     tab.get_by_text("kPa pressure").first.wait_for()
-    until(lambda: colours_of(drawn(tab)) > 8)
+    until(lambda: colours_of(drawn(tab)) > 8, PATIENCE)
     servo.moves = True
     choose(tab, SHEAR)
     tab.get_by_text("kPa pressure").first.wait_for()
@@ -120,19 +114,19 @@ def test_a_rigid_tool_shows_nothing_until_it_is_asked(shown, tab):
     tab.get_by_text("kPa pressure").first.wait_for(state="hidden")
 
 
-def test_a_slow_browser_goes_without_shadows_and_says_so(shown, tab):
+def test_a_slow_browser_goes_without_shadows_and_says_so(shown, tab, until):
     _, page = shown
     light = next(p for p in page.panels if type(p).__name__ == "LightPanel")
     assert not light.full
     tab.evaluate("document.activeElement.blur()")  # in a field it would be typed
     tab.keyboard.press("l")
-    until(lambda: light.full)
+    until(lambda: light.full, PATIENCE)
     tab.keyboard.press("l")
-    until(lambda: not light.full)
+    until(lambda: not light.full, PATIENCE)
     tab.evaluate("asperityLight = ''; asperityJudge(3)")
     light._noted.clear()
     light._since.clear()
     tab.get_by_text("Drawn simply").wait_for()
     assert not light.full
     tab.evaluate("asperityJudge(60); asperityJudge(60)")  # once
-    until(lambda: light.full)
+    until(lambda: light.full, PATIENCE)

@@ -84,7 +84,7 @@ def source_hash(path: Path) -> str:
     """
     seen, waiting = {path}, [path]
     if _PACKAGE not in path.parents:
-        seen |= {*_PACKAGE.rglob("*.py"), *path.parent.glob("*.py")}
+        seen |= {*_files().values(), *path.parent.glob("*.py")}
         waiting = []
     while waiting:
         fresh = set(_source(waiting.pop())[1]) - seen
@@ -128,18 +128,17 @@ def is_compiled(module: str, name: str) -> bool:
     return any(folder.rglob(f"*.{name}-*.nbc"))
 
 
+@functools.cache
 def _can_be_written(folder: Path) -> bool:
-    """Return whether files can be put into `folder`, which is made if need be."""
+    """Return whether files can be put into `folder`, which is made if need be.
+
+    Remembered, since Numba checks it for each function: a tenth of a second for those of a scene.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return False
     return os.access(folder, os.W_OK)
-
-
-@functools.cache
-def _can_be_kept(folder: str) -> bool:
-    return _can_be_written(Path(folder))
 
 
 def cache_state() -> tuple[Path, int]:
@@ -177,11 +176,8 @@ if _LOCATED:
         """The place of machine code in the cache: wherever the source is, the same."""
 
         def ensure_cache_path(self) -> None:
-            """Make the folder, and see once whether files can be put into it.
-
-            Numba looks again for each function, which takes half a second for those of a scene.
-            """
-            if not _can_be_kept(self.get_cache_path()):
+            """Make the folder; raise OSError where files cannot be put into it."""
+            if not _can_be_written(Path(self.get_cache_path())):
                 raise OSError(f"cannot write to {self.get_cache_path()}")
 
         @classmethod

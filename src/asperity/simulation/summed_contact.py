@@ -15,7 +15,7 @@ def fill_summed(contacts: Contacts, push: Array, force: Array, friction: Array) 
     ----------
     contacts : Contacts
     push : (5,) array
-        As in `contact.soft.press.SkinOutput`; the place is left in the axes that it has there.
+        As in `contact.soft.taxel_sums.SkinOutput`; the place is left in the axes that it has there.
     force, friction : (3,) array
         On the tool, world axes [N]: all of it, and the part that is friction.
     """

@@ -53,15 +53,8 @@ def disagreement(free, compliance, force, u, found):
     """
     for i in range(found.size):
         found[i] = free[i]
-    for row in range(force.size):
-        if force[row] != 0.0:
-            for k in range(found.size):
-                found[k] += force[row] * compliance[row, k]
-    most = 0.0
-    for i in range(found.size):
-        apart = abs(u[i] - found[i])
-        most = max(most, apart if apart - apart == 0.0 else np.inf)
-    return most
+    add_product(compliance, force, found)
+    return farthest(u, found)
 
 
 @kernel
