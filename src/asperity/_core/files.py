@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import stat
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
@@ -176,16 +177,17 @@ def reading(
 
     suffix = suffix_of(path, packed)
     try:
-        if not path.exists():
+        try:
+            status = path.stat()
+        except (FileNotFoundError, NotADirectoryError, ValueError):
             refuse("there is no such file")
-        if path.is_dir():
+        if stat.S_ISDIR(status.st_mode):
             refuse(f"this is a folder; valid: a file of {contents}")
         if suffix not in suffixes:
             refuse(f"unknown kind of file {suffix!r}; valid: {valid or ', '.join(suffixes)}")
-        size = path.stat().st_size
-        if size == 0:
+        if status.st_size == 0:
             refuse("the file is empty")
-        if size < _POINTER and path.read_bytes().startswith(_LFS):
+        if status.st_size < _POINTER and path.read_bytes().startswith(_LFS):
             refuse("it is a pointer of Git LFS, not the file; valid: after `git lfs pull`")
         yield suffix
     except AsperityError:

@@ -6,13 +6,20 @@ import os
 import re
 import zipfile
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from asperity._core.units import SHORT
 from asperity.errors import SurfaceError
-from asperity.texture.files.stored import NO_UNIT, Stored, check_size, level_step, refuse
+from asperity.texture.files.stored import (
+    MAX_SAMPLES,
+    NO_UNIT,
+    Stored,
+    check_size,
+    level_step,
+    refuse,
+)
 
 ARRAY_SUFFIXES = (".npy", ".npz", ".csv", ".txt", ".tsv")
 """Of arrays and text."""
@@ -25,13 +32,15 @@ _VALID = "valid: an array of numbers, saved by numpy.save or numpy.savez"
 
 def load_npy(path: Path) -> Stored:
     """Return the array of a `.npy` file."""
+    # Reading is faster than mapping; in a larger file there may be too many samples.
+    mode: Literal["r"] | None = "r" if path.stat().st_size > MAX_SAMPLES else None
     try:
         # A path as text, which NumPy does not resolve: that takes as long as all else.
-        header = np.load(os.fspath(path), mmap_mode="r", allow_pickle=False)
+        array = np.load(os.fspath(path), mmap_mode=mode, allow_pickle=False)
     except Exception:  # whatever NumPy raises on a damaged header
         refuse(path, f"cannot be read as a .npy file: damaged, or no numbers; {_VALID}")
-    check_size(path, *header.shape)
-    return _numbers(path, np.asarray(header))
+    check_size(path, *array.shape)
+    return _numbers(path, np.asarray(array))
 
 
 def _numbers(path: Path, values: Any, unit: str = "") -> Stored:

@@ -20,7 +20,7 @@ _FAR, _OFTEN_FAR = 10.0, 2.0
 """Distance from all others, in their range, from which a value is suspected."""
 # Multiples of the golden ratio meet all columns, which even steps through the rows do not.
 _PLACES = np.arange(4000) * (0.5 * (np.sqrt(5.0) - 1.0)) % 1.0
-_FEW_PLACES = _PLACES[:200]
+_FEW_PLACES = _PLACES[:40]
 """Places of a map, as parts of its length, that are looked at first."""
 DOUBT = "is that plausible?"
 """How a note that doubts a scale begins."""
@@ -84,10 +84,11 @@ def sentinel_note(values: Array, low: float, high: float) -> str | None:
     low, high : float
         Least and largest of them; NaN if some are missing.
     """
+    line = values.ravel()
     for places in (_FEW_PLACES, _PLACES):
-        some = values.ravel()[(places * values.size).astype(np.int64)]
-        inner = some[(some > low) & (some < high)]
-        if inner.size > 1 and (_OFTEN_FAR + 1.0) * float(np.ptp(inner)) > high - low:
+        some = line[(places * values.size).astype(np.int64)].tolist()
+        inner = [value for value in some if low < value < high]
+        if inner and (_OFTEN_FAR + 1.0) * (max(inner) - min(inner)) > high - low:
             return None  # most maps: their values fill their range
     finite = values if np.isfinite(low + high) else values[np.isfinite(values)]
     if finite.size < 16:

@@ -151,6 +151,8 @@ def read_heights(
         notes.remove(NO_UNIT)
     size = _pixel_size(path, stored, pixels, height_range, notes)
     values, low, high = _shaped(path, stored.values)
+    if nodata is not None or not max(-low, high) < _NEVER:
+        values = np.array(values)  # some of them are changed
     if nodata is not None:
         if isinstance(nodata, bool) or not isinstance(nodata, int | float | np.number):
             refuse(path, f"nodata must be a number, got {nodata!r}")
@@ -180,11 +182,11 @@ def _scaled(
     values: Array, stored: Stored, extremes: tuple[float, float], height_range: float | None,
     invert: bool, quantised: str, notes: list[str],
 ) -> tuple[Array, float]:  # fmt: skip
-    """Return stored values as heights [m], and metres a unit; `values` may be overwritten."""
+    """Return stored values as heights [m] in memory of their own, and metres a unit."""
     relief = extremes[1] - extremes[0]
     if relief == 0.0:
         notes.append(f"every value is {values.flat[0]:g}: all heights are zero")
-        return np.zeros_like(values), 0.0
+        return np.zeros(values.shape), 0.0
     scale = (stored.scale or 1.0) if height_range is None else height_range / relief
     centre = 0.0 if height_range is None else float(values.mean())
     if stored.step and relief <= 255.0 * stored.step:
@@ -194,12 +196,10 @@ def _scaled(
             notes.append(f"256 grey levels or fewer: smoothed, by at most {half}")
         else:
             notes.append(f"256 grey levels or fewer, kept: heights are rounded to {half}")
+    own = values if values.flags.writeable else None  # else they are mapped from the file
     if centre:
-        values -= centre
-    factor = -scale if invert else scale
-    if factor != 1.0:
-        values *= factor
-    return values, scale
+        values = own = np.subtract(values, centre, out=own)
+    return np.multiply(values, -scale if invert else scale, out=own), scale
 
 
 def _lengths(path: Path, name: str, value: Any) -> tuple[float, float]:
@@ -284,14 +284,17 @@ _LOADERS: dict[str, Callable[[Path], Stored]] = {
 
 
 def _shaped(path: Path, stored: NDArray[Any]) -> tuple[Array, float, float]:
-    """Return stored values as a new array of floats, the least and the largest; NaN if any is."""
+    """Return stored values as floats, copied if they must be, and their extremes.
+
+    The last two are NaN if any value is.
+    """
     if np.squeeze(stored).ndim > 2:
         refuse(path, f"it holds values of shape {stored.shape}; valid: a line or a matrix")
     check_size(path, *stored.shape)
     source = np.squeeze(stored)
     if source.size < 2:
         refuse(path, f"heights need 2 samples or more along each axis, got {stored.shape}")
-    values = np.array(source, dtype=np.float64, order="C")
+    values = np.asarray(source, dtype=np.float64, order="C")
     return values, float(values.min()), float(values.max())
 
 
