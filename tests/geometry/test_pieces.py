@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from test_mesh import CUBE, CUBE_FACES, SQUARE, SQUARE_FACES, split
 
+from asperity._core.kept_arrays import kept_folder
 from asperity.errors import AsperityError
 from asperity.geometry.convex import pieces as module
 from asperity.geometry.convex.pieces import convex_pieces, piece_error
@@ -13,6 +14,15 @@ from asperity.geometry.mesh.files import read_mesh
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 
 trimesh = pytest.importorskip("trimesh")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def kept(tmp_path_factory):
+    """Keep nothing from one run of these tests to the next; return the folder."""
+    folder = tmp_path_factory.mktemp("kept")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "kept_folder", lambda kind: folder / kind)
+        yield folder
 
 
 def compiled(solids):
@@ -90,6 +100,28 @@ def test_the_reach_beyond_a_piece_is_that_of_the_farthest_corner():
         cube = cube.subdivide()
     mesh = mesh_from_arrays(1.02 * cube.vertices, cube.faces)
     assert piece_error(mesh, (cube.vertices,)) == pytest.approx(2e-4 * 3**0.5, rel=1e-6)
+
+
+def test_an_error_is_measured_once_and_anew_when_its_file_is_damaged(kept, monkeypatch):
+    cube = trimesh.creation.box((0.01, 0.02, 0.03))
+    mesh, measured, measure = of(cube), [], module._largest_error
+    monkeypatch.setattr(
+        module, "_largest_error", lambda *given: measured.append(0) or measure(*given)
+    )
+    pieces = (0.9 * cube.vertices,)
+    before = {*kept.glob("*/error-*")}
+    first = piece_error(mesh, pieces)
+    assert first == pytest.approx(0.1 * np.linalg.norm([0.005, 0.01, 0.015]))
+    assert piece_error(mesh, pieces) == first
+    assert len(measured) == 1
+    (file,) = {*kept.glob("*/error-*")} - before
+    for damaged in (np.float64(np.nan), np.float64(-1.0), np.zeros(2), np.int64(0)):
+        np.savez(file, error=damaged)
+        assert piece_error(mesh, pieces) == first
+    file.write_bytes(b"PK")
+    assert piece_error(mesh, pieces) == first
+    assert len(measured) == 6
+    assert piece_error(mesh, (0.8 * cube.vertices,)) > first
 
 
 def test_of_a_fine_mesh_few_points_are_measured_exactly(monkeypatch):
@@ -207,6 +239,7 @@ def test_pieces_are_kept_on_disk_and_made_anew_when_damaged(tmp_path, monkeypatc
 
 def test_pieces_lie_in_the_users_cache_folder(tmp_path, monkeypatch):
     pytest.importorskip("coacd")
+    monkeypatch.setattr(module, "kept_folder", kept_folder)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     convex_pieces(washer())
     assert len(list((tmp_path / "convex-pieces").glob("*.npz"))) == 1

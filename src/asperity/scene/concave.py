@@ -45,14 +45,16 @@ def with_convex_pieces(
     AsperityError
         A mesh is concave and CoACD is not installed (`pip install 'asperity[bake]'`), or fails.
     """
-    from asperity.geometry.convex.pieces import is_convex  # slow to import
-
     owner = {
         number: body
         for body, geoms in touchable_geoms(model).items()
         for number, geom in geoms
         if geom.kind == "mesh"
     }
+    if not owner:
+        return model, ()
+    from asperity.geometry.convex.pieces import is_convex  # slow to import
+
     meshes = {int(model.geom_dataid[number]) for number in owner}
     concave = {i for i in meshes if not is_convex(*model_mesh(model, i), CONVEX_UP_TO)}
     if not concave:
