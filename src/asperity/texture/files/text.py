@@ -20,6 +20,11 @@ from asperity.texture.files.stored import NO_UNIT, NO_UNITS, Stored, check_size,
 from asperity.texture.files.text_header import Header, read_header
 
 _AXIS = re.compile(r"(?:^|.*[\s_./-])([xyz])(?:$|[\s_.,/:(\[-].*)", re.IGNORECASE)
+_ROW = re.compile(r"rows?|row[ _]?(?:index|idx|no|nr)|zeile|ligne|[ij]?_?line", re.IGNORECASE)
+_COLUMN = re.compile(
+    r"col(?:umn)?s?|col(?:umn)?[ _]?(?:index|idx|no|nr)|spalte|colonne", re.IGNORECASE
+)
+"""Names of the numbers of a row, from the top, and of a column of a map."""
 _HEIGHTS = re.compile(
     "height|höhe|hauteur|altezza|altura|výška|высота|高|높이|depth|tiefe|elevation|topo",
     re.IGNORECASE,
@@ -27,6 +32,8 @@ _HEIGHTS = re.compile(
 _NUMBERING = ("", "row", "index", "idx", "n", "nr", "no", "y", "line", "zeile", "unnamed: 0", "y/x")
 """Names of a first column that numbers the rows of a matrix."""
 _BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*[^\W\d][^\[\]()]*?)\s*[\])]")
+_PAIR = re.compile(r"([^\W\d_]+)/([^\W\d_]+)$")
+"""Units of places and heights in one name, as of Dektak's `Raw_Micrometer/Angstrom`."""
 _SIDE = 64
 """Of a square map, from which a column that has all its heights is suspected."""
 _LONG = 16
@@ -58,13 +65,28 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
     header = read_header(table.header, names, values.shape[1])
     if header.nodata is not None:
         values[values == header.nodata] = np.nan
+    if header.shape and 1 in values.shape and values.size == math.prod(header.shape):
+        values = values.reshape(header.shape)  # ESRI's grid needs no ends of lines
     if table.commas_only and names is None and values.shape[1] == 2 < len(values):
         refuse(path, "two columns of whole numbers, or decimal commas? valid: decimal points, or "
                "place and height with a line of names above")  # fmt: skip
-    columns = _columns(values, names)
+    try:
+        columns = _columns(values, names)
+    except LookupError:
+        shown = f" ({', '.join(names)[:80]})" if names else ""
+        refuse(path, f"{values.shape[1]} columns{shown}, the first of even places: which one has "
+               "the heights? Valid: places and one column of heights, or x, y and z")  # fmt: skip
     if columns is not None:
-        return _from_columns(path, values, names, columns, pixel_size)
-    return _without_axes(_matrix(table, values, header), names)
+        stored = _from_columns(path, values, names, columns, pixel_size)
+    else:
+        stored = _without_axes(_matrix(table, values, header), names)
+    number = table.perhaps_thousands
+    if not number:
+        return stored
+    doubt = (
+        f"is {number} {number.replace(table.decimal, '')}? It is read as a number with a decimal"
+    )
+    return stored._replace(notes=(*stored.notes, f"{doubt} mark; write thousands without one"))
 
 
 def _names(table: TextTable) -> tuple[str, ...] | None:
@@ -80,7 +102,10 @@ def _names(table: TextTable) -> tuple[str, ...] | None:
 
 
 def _columns(values: Array, names: Sequence[str] | None) -> tuple[int, ...] | None:
-    """Return the columns of x, y and z, or of place and height; None for a matrix."""
+    """Return the columns of x, y and z, or of place and height; None for a matrix.
+
+    Raises `LookupError` for a profile with heights in several columns.
+    """
     rows, count = values.shape
     if count == 1 or rows < 3:
         return None
@@ -90,6 +115,9 @@ def _columns(values: Array, names: Sequence[str] | None) -> tuple[int, ...] | No
             axis = _AXIS.fullmatch(re.sub(r"[\[(].*?[\])]", "", name).strip())
             key = axis.group(1).lower() if axis else ("z" if _HEIGHTS.search(name) else "")
             found.setdefault(key, at)
+        row, column = (next(filter(of.fullmatch, names), None) for of in (_ROW, _COLUMN))
+        if row and column and "z" in found:
+            return names.index(column), names.index(row), found["z"]
         if {"x", "y", "z"} <= {*found}:
             return found["x"], found["y"], found["z"]
         if "x" in found and {"y", "z"} & {*found} and count <= _FEW:
@@ -99,6 +127,8 @@ def _columns(values: Array, names: Sequence[str] | None) -> tuple[int, ...] | No
     if count > _FEW or rows < 4:
         return None
     if count == 3 and rows > 16:
+        if _even(values[:, 0]):  # a profile, and which column has its heights is not known
+            raise LookupError
         return 0, 1, 2
     return (0, 1, 2) if rows > 2 * count and on_grid(*values[:, :3].T) is not None else None
 
@@ -112,7 +142,14 @@ def _from_columns(
     said = stated[-1] or next((unit for unit in stated if unit), None)
     word, scale = said or ("", 1.0)
     other = _BRACKET.search(names[columns[-1]]) if names and not stated[-1] else None
-    lateral = (stated[0] or said or ("", 1.0))[1]
+    numbered = bool(names and len(columns) == 3 and _COLUMN.fullmatch(names[columns[0]]))
+    lateral = 1.0 if numbered else (stated[0] or said or ("", 1.0))[1]
+    pair = (
+        _PAIR.search(names[columns[-1]]) if names and len(columns) == 2 and not stated[0] else None
+    )
+    if pair and length_of(pair.group(1)) and length_of(pair.group(2)):
+        lateral = length_of(pair.group(1)) or 1.0
+        stated[0] = pair.group(1), lateral
     known = names or {2: ("x", "z"), 3: ("x", "y", "z")}[len(columns)]
     called = ", ".join(known[at] for at in columns)
     notes = []
@@ -129,6 +166,8 @@ def _from_columns(
                    "valid: place and height, one column of heights, or a matrix")  # fmt: skip
     else:
         x, y, z = (values[:, at] for at in columns)
+        if numbered:  # rows are numbered from the top
+            y = -y
         grid = on_grid(x, y, z)
         if grid is None:
             step = pixel_size / lateral if pixel_size and said else None
@@ -142,6 +181,11 @@ def _from_columns(
                        "x, y, z of points on a surface")  # fmt: skip
     notes = [f"{grid.note} ({called})", *notes]
     size = (grid.pixel_size[0] * lateral, grid.pixel_size[1] * lateral)
+    if numbered:
+        notes.append("rows are numbered from the top")
+        scale_known = (scale, word) if said else (1.0, "")
+        notes.append(f"heights in {word}" if said else NO_UNIT)
+        return Stored(grid.values, tuple(notes), None, *scale_known)
     if other:
         notes.append(f"its heights are in {other.group(1)!r}, which is no length")
         return Stored(grid.values, tuple(notes), size, None, other.group(1))
@@ -232,6 +276,9 @@ def _matrix(table: TextTable, values: Array, header: Header) -> Stored:
     if 4 <= columns <= _FEW and rows > _LONG * columns:
         notes.append(f"a map of {columns} columns and {rows} rows: are they points, x, y and z in "
                      "each line? Keep three columns, or name them")  # fmt: skip
+    if header.shape not in (None, values.shape):
+        stated = f"{header.shape[1]} x {header.shape[0]}"
+        notes.append(f"is it cut short? It states {stated} heights, and has {columns} x {rows}")
     if header.nodata is not None:
         notes.append(f"values of {header.nodata:g} are missing (nodata)")
     heading = table.header[-1][:60] if table.header and not header.picture else ""

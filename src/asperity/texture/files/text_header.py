@@ -52,8 +52,15 @@ _GRID = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "
 """Labels of ESRI's ASCII grid."""
 _POWER = re.compile(r"(?:([\d.]+)\s*[×x*·]\s*)?\b10(?:<sup>|\^)([+-]?\d+)(?:</sup>)?\s*")
 """Powers of ten, as Gwyddion writes them."""
-_STEP = re.compile(r"pitch|step|spacing|sampling|resolution|pixel|increment|interval|distance")
+_STEP = re.compile(
+    r"pitch|step|spacing|sampling|resolution|auflösung|résolution|pixel|increment|interval|distance"
+    r"|\bpas\b|schritt|abstand|krok|passo|\bpaso\b|шаг|intervall|rozestup|afstand|adım"
+)
 """Words of labels of lengths that are not those of the whole map."""
+_AXIS = re.compile(r"(?<![^\W\d_])([xy])(?![^\W\d_])")
+"""The axis in a label: with a word of `_STEP` it is that of a pixel."""
+_COUNTS = {"ncols": 1, "nrows": 0, "x-pixels": 1, "y-pixels": 0}
+"""Labels of numbers of columns (1) and rows (0)."""
 _PICTURE = {"horizontal", "vertical", "vertikal", "horizontale", "verticale", "水平", "垂直"}
 """Labels of Keyence's numbers of samples."""
 _PAIR = re.compile(r"\s*([^:=\t,;]+?)\s*[:=\t,;]\s*(.+?)\s*$")
@@ -78,6 +85,8 @@ class Header(NamedTuple):
     picture: bool = False
     """Whether the first row is the top of a picture or map."""
     notes: tuple[str, ...] = ()
+    shape: tuple[int, int] | None = None
+    """Rows and columns."""
 
 
 def read_header(lines: Sequence[str], names: Sequence[str] | None, columns: int) -> Header:
@@ -107,6 +116,7 @@ def read_header(lines: Sequence[str], names: Sequence[str] | None, columns: int)
     return Header(
         width, height, None if pair[0] is None else pair, unit, scale, found.get("nodata"),  # type: ignore[arg-type]
         {"width", "height"} <= {*found} or len(lengths) == 2 or "grid" in found, tuple(notes),
+        (int(found["rows"]), int(found["columns"])) if {"rows", "columns"} <= {*found} else None,
     )  # fmt: skip
 
 
@@ -135,6 +145,11 @@ def _findings(
             continue
         if bare in _GRID or bare in _PICTURE:
             found["grid"] = 1.0
+        if bare in _COUNTS and 0.0 < number < 1e6:
+            found[("rows", "columns")[_COUNTS[bare]]] = number
+        axes = {*_AXIS.findall(bare)}
+        if meaning is None and metres is not None and _STEP.search(bare) and len(axes) == 1:
+            meaning = f"pixel_{axes.pop()}"
         if meaning in ("nodata", "factor"):
             found[meaning] = number
         elif meaning == "bit":  # SPIP: lengths without a unit are nm
