@@ -204,6 +204,13 @@ def _doubts(times: Array, poses: Array, named: bool) -> list[str]:
         notes.append(
             f"are x, y, z in m? They reach {far:.4g} m, at {fast:.3g} m/s; unit= changes that"
         )
+    lost = (poses[:, :3] == 0.0).all(axis=1) & (np.abs(poses[:, 3]) == 1.0)
+    lost[: int(np.argmin(lost))] = False  # a motion may begin there
+    if 0 < np.count_nonzero(lost) < 0.5 * len(poses):
+        notes.append(
+            f"was tracking lost? {np.count_nonzero(lost)} of {len(poses)} poses are at 0, 0, 0 "
+            f"without a turn, the first is pose {int(np.argmax(lost)) + 1}: leave them out, if so"
+        )
     if steps.size and float(np.median(steps)) > _LONGEST_STEP:
         notes.append(
             f"are the times in s? There are {np.median(steps):.4g} s between poses; time_unit= "
