@@ -48,6 +48,9 @@ _ORIENTATION = 274
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PARK = 50432
 """Tag by which microscopes of Park Systems mark their files."""
+_SCREENS = (72.0, 90.0, 96.0, 100.0, 120.0, 144.0, 150.0, 180.0, 200.0, 240.0, 300.0, 350.0, 360.0,
+            400.0, 600.0)  # fmt: skip
+"""Dots per inch of screens and prints, which programs write without knowing."""
 _AS_STORED = ("L", "LA", "RGB", "RGBA", "I", "F")
 _PNG_COLOURS = {2: "RGB", 4: "LA", 6: "RGBA"}
 
@@ -108,6 +111,24 @@ def read_pixels(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
     """
     picture = _read(path)
     return picture.pixels, picture.notes
+
+
+def resolution(path: Path) -> tuple[float, float] | None:
+    """Return the pixel size [m] by the resolution that an image states, of a print or of a surface.
+
+    None for that of screens and usual prints, and for files without one.
+    """
+    if path.suffix.lower() not in IMAGE_SUFFIXES or path.suffix.lower() == ".exr":
+        return None
+    try:
+        with _opened(path) as image:
+            dots = [float(value) for value in image.info["dpi"]]
+        if all(any(abs(dot - usual) < 0.01 * usual for usual in _SCREENS) for dot in dots):
+            return None
+        pu, pv = (0.0254 / dot for dot in dots)
+    except Exception:  # no resolution, or one that is damaged, states nothing
+        return None
+    return pu, pv
 
 
 def _read(path: Path) -> _Picture:
@@ -245,6 +266,11 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
     notes: tuple[str, ...] = ()
     if len(file.pages) > 1:
         notes = (f"the first of {len(file.pages)} pictures in the file is read",)
+    if page.photometric in (8, 9, 10):
+        raise SurfaceError(
+            f"{path}: its colours are {page.photometric.name} (L*a*b*), whose lightness is no "
+            "height; valid: grey, or red, green and blue"
+        )
     if page.photometric == tifffile.PHOTOMETRIC.SEPARATED:  # inks: Pillow makes colours of them
         return _without_nodata(_read_pillow(path)._replace(pixel_size=tiff_pixel_size(file)), page)
     try:
