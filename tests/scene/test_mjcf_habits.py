@@ -403,3 +403,20 @@ def test_meshes_of_ros_that_are_not_read_are_named(tmp_path, file: str, words: s
     with pytest.raises(AsperityError, match=words) as refused:
         asperity.load_scene(tmp_path / "r.urdf")
     assert len(str(refused.value).replace(str(tmp_path), "")) <= 300
+
+
+def test_a_tool_of_metres_and_one_that_touches_nothing_are_doubted(load) -> None:
+    large = tool(f'<geom type="sphere" size="{1e3 * RADIUS}"/>')
+    assert noted(load(plate(), large), "is 'tool' in m? It is 4 m across")
+    assert noted(load(plate('contype="2" conaffinity="2"'), tool(ball())), "touches nothing")
+    head = '<option o_friction=".2 .2 .005 .0001 .0001"><flag override="enable"/></option>'
+    assert noted(load(plate(), tool(ball()), head=head), "not used", "o_friction")
+    assert not load(plate(), tool(ball())).notes
+
+
+def test_macros_of_xacro_are_named(tmp_path) -> None:
+    for inside in ('<xacro:property name="w" value="1"/>', '<link name="${prefix}base"/>'):
+        (tmp_path / "r.urdf").write_text(f'<robot name="r">{inside}</robot>')
+        with pytest.raises(AsperityError, match="has macros of xacro; valid: .*xacro r.urdf") as e:
+            asperity.load_scene(tmp_path / "r.urdf")
+        assert "MJCF" not in str(e.value)

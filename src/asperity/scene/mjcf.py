@@ -32,6 +32,7 @@ MOST_SEEN = 50_000
 """A mesh of more triangles is not written into the XML to be seen."""
 _FILES = re.compile(r"<robot\b|\bfile\w*\s*=")
 """What is read through MuJoCo's own reader: URDF, and MJCF that names files."""
+_XACRO = re.compile(r"<xacro:|\$\{|\$\(find ")
 _PACKAGE = re.compile(r"package://([^/\"']+)/([^\"']+)")
 """A file of a package of ROS."""
 TRIPLES_A_LINE = 8
@@ -91,6 +92,10 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
     """
     try:
         xml = text_of(path.read_bytes())
+        if _XACRO.search(xml):
+            raise AsperityError(
+                f"{path} has macros of xacro; valid: the URDF that `xacro {path.name}` makes of it"
+            )
         if not _FILES.search(xml):
             return xml, ()
         # Through MuJoCo's own reader, so that files are found beside this one.
@@ -113,6 +118,8 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
                 hfield.file = ""
         notes = _without_pictures(spec)
         return spec.to_xml(), notes
+    except AsperityError:
+        raise
     except (ValueError, OSError) as error:
         raise AsperityError(_refusal(path, error)) from None
 
