@@ -417,6 +417,6 @@ def test_a_tool_of_metres_and_one_that_touches_nothing_are_doubted(load) -> None
 def test_macros_of_xacro_are_named(tmp_path) -> None:
     for inside in ('<xacro:property name="w" value="1"/>', '<link name="${prefix}base"/>'):
         (tmp_path / "r.urdf").write_text(f'<robot name="r">{inside}</robot>')
-        with pytest.raises(AsperityError, match="has macros of xacro; valid: .*xacro r.urdf") as e:
+        with pytest.raises(AsperityError, match=r"has macros of xacro; valid: .*xacro r.urdf") as e:
             asperity.load_scene(tmp_path / "r.urdf")
         assert "MJCF" not in str(e.value)
