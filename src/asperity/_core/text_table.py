@@ -38,8 +38,16 @@ _TWO_WORDS = re.compile(r"(?i)\b(no|not)[ _](data|value|measured)\b")
 _BLANK = re.compile(r"\n[ \t\r]*\n")
 _QUOTED_COMMA = re.compile(r'"[+-]?[\d.]*\d,\d[\d.,]*"')
 """A number with a comma in quotation marks, as spreadsheets write it where commas separate."""
-_GROUPS = {",": re.compile(r"\d,\d{3}\.\d"), ".": re.compile(r"\d\.\d{3},\d")}
-"""Numbers that show which mark groups thousands: `1,234.5`, `1.234,5`."""
+
+
+def _grouped(mark: str, decimal: str) -> re.Pattern[str]:
+    """Return the pattern of a cell whose marks group thousands."""
+    number = rf" *[+-]?\d{{1,3}}(?:[{mark}]\d{{3}})+[{decimal}]\d+ *"
+    return re.compile(rf"^{number}(?=[;\t])|(?<=[;\t]){number}(?=[;\t\r\n]|$)", re.MULTILINE)
+
+
+_GROUPED = {",": _grouped(",", "."), ".": _grouped(".", ",")}
+"""Cells that show which mark groups thousands: `1,234.5`, `1.234,5`."""
 _EITHER = {
     ",": re.compile(r"[+-]?[1-9]\d{0,2},\d{3}"),
     ".": re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}"),
@@ -59,6 +67,19 @@ def decoded(content: bytes) -> str | None:
         controls = sum(c < " " and c not in "\t\n\r\f\x1a" for c in text[:4096])
         return text if controls <= 0.01 * len(text[:4096]) else None
     return None
+
+
+def without_groups(text: str) -> str:
+    """Return text without marks that group thousands, and without quotes round decimal commas.
+
+    Cells of numbers with commas that are quoted are set apart by semicolons.
+    """
+    if _QUOTED_COMMA.search(text) and ";" not in text:
+        text = "\n".join(";".join(cells) for cells in csv.reader(text.splitlines()))
+    for mark, grouped in _GROUPED.items():
+        if grouped.search(text[:20_000]):
+            text = re.sub(rf"(?<=\d)[{mark}](?=\d{{3}})", "", text)
+    return text
 
 
 @dataclass(frozen=True)
@@ -205,8 +226,7 @@ def read_text_table(
         raise error(f"{path}: cannot be read as a {kind} file: no text; valid: rows of numbers")
     if "\n" not in text and "\r" in text:
         text = text.replace("\r", "\n")
-    if _QUOTED_COMMA.search(text) and ";" not in text:
-        text = "\n".join(";".join(cells) for cells in csv.reader(text.splitlines()))
+    text = without_groups(text)
     start, number, header, above = 0, 0, [], ""
     while start < len(text):
         end = text.find("\n", start)
@@ -224,9 +244,6 @@ def read_text_table(
     body = _without_footer(text[start:])
     sample = [_bare(line).strip(" \r") for line in body[:200_000].splitlines()[:_LOOKED_AT]]
     separator, decimal = _format([line for line in sample if line.strip()])
-    for mark, grouped in _GROUPS.items() if separator in (";", "\t") else ():
-        if any(map(grouped.search, sample)):
-            body, decimal = re.sub(rf"(?<=\d)[{mark}](?=\d{{3}})", "", body), ",."[mark == ","]
     first = sample[0].rstrip(separator) if separator else sample[0]
     columns = len(first.split(separator))
     wrong = _wrong_word(above, separator, columns)
