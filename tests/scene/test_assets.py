@@ -376,6 +376,11 @@ def test_the_table_states_which_unit_is_assumed(tmp_path, kind):
     assert extent == ("ASSUMED: unit m (a.csv states none)" if kind == "points" else "given")
 
 
+def test_a_parameter_of_a_pattern_is_given_once():
+    with pytest.raises(AsperityError, match="pitch is given twice; valid: once"):
+        pattern("knurl:1mm,pitch=2mm")
+
+
 @pytest.mark.parametrize(
     ("option", "border"), [("", "wrap"), ("-clamp on ", "clamp"), ("-clamp off ", "wrap")]
 )

@@ -386,3 +386,16 @@ def test_a_profile_of_several_columns_needs_to_say_which_are_its_heights(tmp_pat
     found = read_heights(pair)
     np.testing.assert_allclose(found.samples, HEIGHTS[0], atol=1e-10)
     np.testing.assert_allclose(found.pixel_size, PIXEL, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "heading", "doubted"),
+    [("a", "Depth (µm)", True), ("wood_depth", "z (µm)", True), ("WoodDepth", "z (µm)", True),
+     ("Rautiefe", "z (µm)", False), ("depths", "height (µm)", False)],
+)  # fmt: skip
+def test_depths_are_doubted(tmp_path: Path, name: str, heading: str, doubted: bool) -> None:
+    path = write(tmp_path / f"{name}.csv", f"{heading}\n" + rows(1e6 * HEIGHTS, ","))
+    found = read_heights(path, pixel_size=PIXEL)
+    assert any("invert=True exchanges hills and valleys" in n for n in found.notes) == doubted
+    found = read_heights(path, pixel_size=PIXEL, invert=True)
+    assert not any("downwards?" in note for note in found.notes)

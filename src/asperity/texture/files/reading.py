@@ -24,7 +24,7 @@ from asperity._core.units import SHORT
 from asperity.errors import SurfaceError, require_choice
 from asperity.texture.files.arrays import ARRAY_SUFFIXES, load_npy, load_npz
 from asperity.texture.files.colours import COLOURS
-from asperity.texture.files.doubts import doubts, sentinel_note
+from asperity.texture.files.doubts import depth_doubt, doubts, sentinel_note
 from asperity.texture.files.gwyddion_field import load_field
 from asperity.texture.files.images import (
     IMAGE_SUFFIXES,
@@ -172,6 +172,8 @@ def read_heights(
     if not (math.isfinite(low) and math.isfinite(high)):
         values = _without_missing(path, values, missing, notes)
         low, high = float(values.min()), float(values.max())
+    if not invert:
+        notes += depth_doubt(path.stem, notes)
     values, scale = _scaled(values, stored, (low, high), height_range, invert, quantised, notes)
     notes += doubts(values, size, scale * (high - low))
     return Heights(values, size[0] if _is_square(size) else size, tuple(notes))
