@@ -420,3 +420,16 @@ def test_macros_of_xacro_are_named(tmp_path) -> None:
         with pytest.raises(AsperityError, match=r"has macros of xacro; valid: .*xacro r.urdf") as e:
             asperity.load_scene(tmp_path / "r.urdf")
         assert "MJCF" not in str(e.value)
+
+
+def test_values_that_are_hardly_in_si_units_are_doubted(load) -> None:
+    motion = '[trajectory]\nkind = "slide"\nspeed = 83.0\npress_force = 580.0\n'
+    scene = load(plate(), tool(ball()), toml=TOML + "friction = 30.0\n" + motion)
+    assert noted(scene, "is trajectory.speed = 83 m/s right? Usual: 10 m/s at most")
+    assert noted(scene, "is trajectory.press_force = 580 N right?")
+    assert noted(scene, "is force.friction = 30 right?")
+
+
+def test_a_scene_toml_in_another_encoding_is_named(load) -> None:
+    with pytest.raises(AsperityError, match="line 7 is no text in UTF-8; valid: saved as UTF-8"):
+        load(plate(), tool(ball()), toml=(TOML + "\n# Rauheit 3 µm\n").encode("latin-1"))

@@ -67,7 +67,7 @@ from asperity.scene.mesh import copy_with_companions, geoms_mesh
 from asperity.scene.mjcf import geom_names, read_mjcf, tool_start, touchable_geoms
 from asperity.scene.property_maps import on_terrain, without_textures
 from asperity.scene.regions import material_surface
-from asperity.scene.sections import coupling_of, force_of, motion_of
+from asperity.scene.sections import coupling_of, force_of, motion_of, unusual
 from asperity.scene.skin import scene_skin
 from asperity.scene.texture import body_surface
 from asperity.scene.trajectory import ScriptedMotion, Trajectory
@@ -328,6 +328,7 @@ def scene_of(
         motion=motion_of(document.get("trajectory", {}), folder),
         notes=(
             *prepared.notes,
+            *unusual(document),
             *cut_notes,
             *own_notes,
             *([_BAND_NOTE] if anti_alias == "band" and coupling.mode != "direct" else []),
