@@ -419,3 +419,14 @@ def test_a_gltf_states_what_its_picture_does_beyond_its_edges(tile, tmp_path, wr
     scene = asperity.make_scene(tool="sphere:3mm", target=tmp_path / "a.gltf")
     assert target_of(scene).texture.border == border
     assert noted(scene, "is mirrored beyond its edges") == said
+
+
+def test_a_mesh_s_file_is_read_once_for_a_scene_and_again_for_the_next(tile, monkeypatch):
+    from asperity.scene import mesh
+
+    read = []
+    original = mesh.read_mesh
+    monkeypatch.setattr(mesh, "read_mesh", lambda *a, **k: read.append(a[0]) or original(*a, **k))
+    for count in (1, 2):
+        asperity.make_scene(tool="sphere:3mm", target=tile(), target_texture="knurl:1mm")
+        assert len(read) == count

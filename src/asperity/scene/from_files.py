@@ -31,7 +31,7 @@ from asperity.scene.asset import (
     texture_of,
 )
 from asperity.scene.document import at, require_table
-from asperity.scene.mesh import body_mesh, body_pieces, uv_size
+from asperity.scene.mesh import body_mesh, body_pieces, files_read_once, uv_size
 from asperity.scene.mjcf import compiled, mesh_assets, mesh_geoms, model_around
 from asperity.scene.placement import fall, slide_over
 from asperity.scene.scene import Scene, scene_of
@@ -82,6 +82,7 @@ class _Part:
     notes: tuple[str, ...]
 
 
+@files_read_once()
 def make_scene(
     *,
     tool: File,
