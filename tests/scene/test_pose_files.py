@@ -255,3 +255,21 @@ def test_poses_at_the_origin_amid_others_are_doubted(tmp_path: Path) -> None:
     assert any("was tracking lost? 2 of 12" in n and "pose 5" in n for n in found.notes)
     poses = np.c_[P - P[0], np.tile([1.0, 0.0, 0.0, 0.0], (N, 1))]  # begins there
     assert not read_poses(write(tmp_path / "b.csv", head, T, poses)).notes
+
+
+def test_leaps_and_gaps_are_noted(tmp_path: Path) -> None:
+    head = "time,x,y,z,qw,qx,qy,qz\n"
+    leap = P.copy()
+    leap[6:, 0] += 0.2
+    found = read_poses(write(tmp_path / "a.csv", head, T, leap, Q))
+    assert any("leaps by 200 mm from pose 6 to 7, at 200 m/s" in note for note in found.notes)
+    late = np.where(np.arange(N) > 5, T + 5.0, T)
+    found = read_poses(write(tmp_path / "b.csv", head, late, P, Q))
+    assert any("there are 5.001 s without a pose behind pose 6" in note for note in found.notes)
+
+
+def test_two_places_are_refused_whatever_their_names(tmp_path: Path) -> None:
+    for other in ("base_x,base_y,base_z", "goal_x,goal_y,goal_z"):
+        head = f"time,tip_x,tip_y,tip_z,{other},qw,qx,qy,qz\n"
+        with pytest.raises(AsperityError, match="several columns are x: .*tip_x"):
+            read_poses(write(tmp_path / "a.csv", head, T, P, P + 1.0, Q))
