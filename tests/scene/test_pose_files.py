@@ -271,5 +271,5 @@ def test_leaps_and_gaps_are_noted(tmp_path: Path) -> None:
 def test_two_places_are_refused_whatever_their_names(tmp_path: Path) -> None:
     for other in ("base_x,base_y,base_z", "goal_x,goal_y,goal_z"):
         head = f"time,tip_x,tip_y,tip_z,{other},qw,qx,qy,qz\n"
-        with pytest.raises(AsperityError, match="several columns are x: .*tip_x"):
+        with pytest.raises(AsperityError, match=r"several columns are x: .*tip_x"):
             read_poses(write(tmp_path / "a.csv", head, T, P, P + 1.0, Q))

@@ -151,8 +151,8 @@ def layout_of(path: object, names: Sequence[str]) -> Layout:
     turned = all(f"q{axis}" in found for axis in "xyz")
     if all(bare[axis] for axis in "xyz") and (turned or "x" not in found):
         # Beside x alone, tx is a torque: it is left out. Beside base_x, tip_x is a place too.
-        alone = all(len(_words(names[at])) == 1 for axis in "xyz" for at in bare[axis])
-        found |= {axis: bare.pop(axis) + ([] if alone else found.get(axis, [])) for axis in "xyz"}
+        single = all(len(_words(names[at])) == 1 for axis in "xyz" for at in bare[axis])
+        found |= {axis: bare.pop(axis) + ([] if single else found.get(axis, [])) for axis in "xyz"}
     elif not bare["w"] and all(axis in found or bare[axis] for axis in "xyz"):
         # A body's name may stand before the first of its columns alone: "tool X", "Y", "Z".
         found |= {axis: bare.pop(axis) for axis in "xyz" if axis not in found}
