@@ -399,3 +399,50 @@ def test_depths_are_doubted(tmp_path: Path, name: str, heading: str, doubted: bo
     assert any("invert=True exchanges hills and valleys" in n for n in found.notes) == doubted
     found = read_heights(path, pixel_size=PIXEL, invert=True)
     assert not any("downwards?" in note for note in found.notes)
+
+
+def test_of_several_blocks_of_rows_the_first_is_read(tmp_path: Path) -> None:
+    head = "# Width: 300 µm\n# Height: 200 µm\n# Value units: µm\n"
+    block = rows(1e6 * HEIGHTS)
+    for between in ("\n", "# Channel: Phase\n# Value units: deg\n"):
+        found = read_heights(write(tmp_path / "a.txt", head + block + between + block))
+        same(found)
+        assert any("2 blocks: the first, of 20, is read" in note for note in found.notes)
+    lines = block.replace("\n", "\n\n")  # a blank line behind each row sets no block apart
+    same(read_heights(write(tmp_path / "b.txt", head + lines)))
+    half = block.split("\n")
+    half.insert(10, "# the second half")
+    same(read_heights(write(tmp_path / "c.txt", head + "\n".join(half))))
+
+
+@pytest.mark.parametrize("corner", ["", "um"])
+@pytest.mark.parametrize(("down", "left"), [(False, False), (True, False), (False, True)])
+def test_places_beside_a_matrix_state_where_it_begins(
+    tmp_path: Path, corner: str, down: bool, left: bool
+) -> None:
+    x, y, values = 10.0 * np.arange(30), 10.0 * np.arange(20), 1e6 * HEIGHTS
+    if down:
+        y, values = y[::-1], values[::-1]
+    if left:
+        x, values = x[::-1], values[:, ::-1]
+    table = rows(np.column_stack([y, values]), ",")
+    text = ",".join([corner, *(f"{place:g}" for place in x)]) + "\n" + table
+    found = read_heights(write(tmp_path / "a.csv", text), unit="um", pixel_size=PIXEL)
+    np.testing.assert_allclose(found.samples, HEIGHTS, atol=1e-10)
+    assert any("columns are turned" in note for note in found.notes) == left
+    assert any("top of the map, as its places state" in note for note in found.notes) == down
+
+
+@pytest.mark.parametrize("heading", ["Voltage [V]", "current (nA)", "phase [deg]", "z (counts)"])
+def test_a_heading_with_another_unit_is_no_length(tmp_path: Path, heading: str) -> None:
+    path = write(tmp_path / "a.csv", f"{heading}\n" + rows(HEIGHTS, ","))
+    with pytest.raises(SurfaceError, match="height_range"):
+        read_heights(path, pixel_size=PIXEL)
+
+
+def test_places_and_speeds_are_no_sizes_of_a_map(tmp_path: Path) -> None:
+    for head in ("Stage X: 12.5 mm\nStage Y: 7.5 mm\n", "Scan length: 300 µm\nSpeed: 0.1 mm/s\n"):
+        with pytest.raises(SurfaceError, match="pixel_size"):
+            read_heights(write(tmp_path / "a.txt", f"{head}Z unit: m\n" + rows(HEIGHTS)))
+    same(read_heights(write(tmp_path / "b.txt", "Scale: 10 µm\nPixel size: 10 µm/px\n"
+                            "Z unit: m\n" + rows(HEIGHTS))))  # fmt: skip

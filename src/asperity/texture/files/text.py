@@ -34,6 +34,9 @@ _NUMBERING = ("", "row", "index", "idx", "n", "nr", "no", "y", "line", "zeile", 
 _BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*[^\W\d][^\[\]()]*?)\s*[\])]")
 _PAIR = re.compile(r"([^\W\d_]+)/([^\W\d_]+)$")
 """Units of places and heights in one name, as of Dektak's `Raw_Micrometer/Angstrom`."""
+_BOTTOM = "its first row is at v = 0, the bottom"
+_BLOCK = 4
+"""Rows of a block, at least."""
 _SIDE = 64
 """Of a square map, from which a column that has all its heights is suspected."""
 _LONG = 16
@@ -58,6 +61,7 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
     if is_wyko(table):
         return load_wyko(table)
     values = table.values()
+    blocks = _blocks(table)
     values = values[:, ~np.isnan(values).all(axis=0)] if np.isnan(values[0]).any() else values
     names = _names(table)
     if names is not None and len(names) != values.shape[1]:
@@ -79,7 +83,11 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
     if columns is not None:
         stored = _from_columns(path, values, names, columns, pixel_size)
     else:
+        values = values[: blocks[0]] if len(blocks) > 1 else values
         stored = _without_axes(_matrix(table, values, header), names)
+        if len(blocks) > 1:
+            note = f"its rows are in {len(blocks)} blocks: the first, of {blocks[0]}, is read"
+            stored = stored._replace(notes=(*stored.notes, note))
     number = table.perhaps_thousands
     if not number:
         return stored
@@ -199,6 +207,19 @@ def _from_columns(
     return Stored(grid.values, tuple(notes), size, scale, word, sizes_follow=not said)
 
 
+def _blocks(table: TextTable) -> list[int]:
+    """Return the rows of each block that a blank line or a head sets apart; else of all."""
+    at = np.asarray(table.rows_at())
+    ends = np.flatnonzero(np.diff(at) > 1) + 1
+    if not len(ends):
+        return [len(at)]
+    lines = table.body.split("\n")
+    between = (lines[at[k - 1] + 1 - table.first_line : at[k] - table.first_line] for k in ends)
+    apart = [any(not line.strip() or ":" in line for line in gap) for gap in between]
+    counts = np.diff([0, *ends[apart].tolist(), len(at)]).tolist()
+    return counts if min(counts) >= _BLOCK else [len(at)]
+
+
 def _even(line: Array) -> bool:
     """Return whether numbers grow by even steps, as places and row numbers do."""
     steps = np.diff(line)
@@ -222,7 +243,9 @@ def _without_axes(stored: Stored, names: Sequence[str] | None) -> Stored:
             f"its first row and column number the samples, by {steps[0]:g} and {steps[1]:g}, and "
             "are left out",
         )
-        return stored._replace(values=values[-len(column) :, 1:], notes=notes)
+        return _as_placed(
+            stored._replace(values=values[-len(column) :, 1:], notes=notes), row, column
+        )
     if names and names[0].strip().casefold() in _NUMBERING and _even(turned[:, 0]):
         notes = (*notes, f"its first column, {names[0]!r}, numbers the rows and is left out")
         return stored._replace(values=values[:, 1:], notes=notes)
@@ -232,6 +255,8 @@ def _without_axes(stored: Stored, names: Sequence[str] | None) -> Stored:
         shown = f"by {steps[0]:g} and {steps[1]:g}"
         notes = (*notes, f"its first row and column are places, {shown}, and are left out")
         stored = stored._replace(values=values[:, 1:], notes=notes)
+        stored = _as_placed(stored, heads, turned[:, 0])
+        notes = stored.notes
         unit = named_unit(names[0], LENGTHS) if names else None
         if unit is None or stored.pixel_size is not None:
             return stored
@@ -255,6 +280,24 @@ def _without_axes(stored: Stored, names: Sequence[str] | None) -> Stored:
     return stored._replace(notes=notes)
 
 
+def _as_placed(stored: Stored, x: Array, y: Array) -> Stored:
+    """Return a matrix as the places of its columns x and rows y have it: both grow from its corner.
+
+    A matrix whose first row is the top already lies as a picture, whatever its y.
+    """
+    values, notes = stored.values, stored.notes
+    if x[1] < x[0]:
+        values, notes = (
+            np.fliplr(values),
+            (*notes, "places along x decrease: its columns are turned"),
+        )
+    if y[1] < y[0] and _BOTTOM in notes:
+        values = np.flipud(values)
+        notes = (*(n for n in notes if n != _BOTTOM), "its first row is the top of the map, as its "
+                 "places state")  # fmt: skip
+    return stored._replace(values=values, notes=notes)
+
+
 def _matrix(table: TextTable, values: Array, header: Header) -> Stored:
     """Return a matrix, or a column, with the scale that its header states."""
     rows, columns = values.shape
@@ -268,7 +311,7 @@ def _matrix(table: TextTable, values: Array, header: Header) -> Stored:
         values = np.flipud(values)
         notes.append("its first row is the top of the map")
     elif min(rows, columns) > 1:
-        notes.append("its first row is at v = 0, the bottom")
+        notes.append(_BOTTOM)
     side = math.isqrt(rows)
     if columns == 1 and side >= _SIDE and side * side == rows:
         doubt = f"is it a map of {side} x {side}? Put each of its rows in a line"
