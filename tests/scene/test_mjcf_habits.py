@@ -433,3 +433,12 @@ def test_values_that_are_hardly_in_si_units_are_doubted(load) -> None:
 def test_a_scene_toml_in_another_encoding_is_named(load) -> None:
     with pytest.raises(AsperityError, match="line 7 is no text in UTF-8; valid: saved as UTF-8"):
         load(plate(), tool(ball()), toml=(TOML + "\n# Rauheit 3 µm\n").encode("latin-1"))
+
+
+def test_warnings_of_mujoco_are_notes_and_not_printed(load, capfd) -> None:
+    head = '<compiler settotalmass=".2"/>'
+    if mujoco.__version__.startswith("4"):  # others do not warn of it
+        assert noted(load(plate(), tool(ball()), head=head), "MuJoCo:", "settotalmass")
+    load(plate(), tool(ball()), head=head)
+    assert capfd.readouterr() == ("", "")
+    assert mujoco.get_mju_user_warning() is None

@@ -11,7 +11,8 @@ those of hammer-blocks by up to 67 nm, and would replace `fromto` by quaternions
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +75,22 @@ def model_around(
         assets=assets,
         bodies=bodies,
     )
+
+
+@contextmanager
+def warnings_as_notes(notes: list[str]) -> Iterator[None]:
+    """Add MuJoCo's warnings, which it would print, to notes, each once."""
+    before = mujoco.get_mju_user_warning()
+
+    def keep(text: str) -> None:
+        note = f"MuJoCo: {' '.join(text.split())[:160]}"
+        notes.extend([] if note in notes else [note])
+
+    mujoco.set_mju_user_warning(keep)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def compiled(xml: str) -> mujoco.MjModel:
