@@ -20,11 +20,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.units import length_of
 from asperity.errors import SurfaceError
 from asperity.texture.files.colours import grey
 from asperity.texture.files.levels import smooth_levels as smooth_levels
 from asperity.texture.files.stored import MAX_SAMPLES, Stored, check_size
-from asperity.texture.files.tiff_scale import gdal_scale, tiff_pixel_size
+from asperity.texture.files.tiff_scale import gdal_scale, gdal_unit, tiff_pixel_size
 
 IMAGE_SUFFIXES = (
     ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".tga", ".dds", ".exr",
@@ -67,6 +68,8 @@ class _Picture(NamedTuple):
     missing: NDArray[np.bool_] | None = None
     pixel_size: tuple[float, float] | None = None
     """As the file states it [m]"""
+    unit: str = ""
+    """Of its values, as the file states it."""
     preview: bool = False
     """Whether the heights stand elsewhere in the file."""
 
@@ -91,6 +94,13 @@ def read_image(path: Path, colour: str | None = None) -> Stored:
         raise PreviewOnlyError(path)
     stored = grey(path, np.flipud(picture.pixels), picture.notes, colour)
     stored = stored._replace(pixel_size=picture.pixel_size)
+    if picture.unit and colour is None:
+        metres = length_of(picture.unit)
+        said = "as the file states (GDAL)" if metres else "which is no length"
+        note = f"heights in {picture.unit}, {said}"
+        stored = stored._replace(
+            scale=metres, unit=picture.unit, notes=(*stored.notes, note), step=0.0
+        )
     if picture.missing is None:
         return stored
     with np.errstate(invalid="ignore"):  # NaN of any kind
@@ -301,6 +311,7 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
         note = f"values times {stated[0]:g} plus {stated[1]:g}, as the file states (GDAL)"
         values = picture.pixels.astype(np.float64) * stated[0] + stated[1]
         picture = picture._replace(pixels=values, notes=(*picture.notes, note))
+    picture = picture._replace(unit=gdal_unit(page) if pixels.ndim == 2 else "")
     if len(file.pages) > 1 and file.pages[1].is_mask and picture.missing is None:
         inside = file.pages[1].asarray()
         if inside.shape == pixels.shape[:2]:
