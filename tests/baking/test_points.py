@@ -50,6 +50,8 @@ TEXTS = {
     "packed.xyz.gz": gzip.compress(PLAIN.encode()), "zip.csv.gz": gzip.compress(PLAIN.encode()),
     "bare16.xyz": PLAIN.encode("utf-16-le"), "bare16.txt": PLAIN.encode("utf-16-be"),
     "normals.txt": lines(np.column_stack([DATA, np.full((COUNT, 3), 0.5)])),
+    "decimal.csv": "x,y,z\n"
+    + re.sub(r"[^ \n]+", r'"\g<0>"', PLAIN.replace(".", ",")).replace(" ", ","),
     "numbered.txt": lines(np.column_stack([np.arange(COUNT), DATA])),
 }  # fmt: skip
 
@@ -293,3 +295,32 @@ def test_places_on_the_globe_are_refused(tmp_path, heading):
     (tmp_path / "gps.csv").write_text(heading + "\n" + lines(DATA, ";" if ";" in heading else ","))
     with pytest.raises(AsperityError, match="latitude and longitude; valid: x, y, z"):
         read_points(tmp_path / "gps.csv")
+
+
+@pytest.mark.parametrize("form", ["semicolons", "quoted", "german"])
+def test_marks_that_group_thousands_are_left_out(tmp_path, form):
+    cells = [[f"{1e3 * value:,.2f}" for value in row] for row in DATA]
+    text = "X;Y;Z\n" + "\n".join(";".join(row) for row in cells)
+    if form == "quoted":
+        text = "X,Y,Z\n" + "\n".join(",".join(f'"{cell}"' for cell in row) for row in cells)
+    if form == "german":
+        text = text.translate(str.maketrans(",.", ".,"))
+    (tmp_path / "a.csv").write_text(text)
+    assert read_points(tmp_path / "a.csv").places == pytest.approx(1e3 * DATA, abs=1e-2)
+    assert kind_of(tmp_path / "a.csv") == "points"
+
+
+def test_a_line_of_units_below_the_names_states_the_unit(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        "x,y,z,i\n[um],[um],[um],[-]\n" + lines(np.c_[DATA, DATA[:, 0]], ",")
+    )
+    found = read_points(tmp_path / "a.csv")
+    assert found.unit == "um"
+    assert found.places == pytest.approx(DATA)
+
+
+def test_points_at_the_origin_were_not_seen(tmp_path):
+    (tmp_path / "a.xyz").write_text(PLAIN + 40 * "0 0 0\n")
+    found = read_points(tmp_path / "a.xyz")
+    assert found.places == pytest.approx(DATA)
+    assert any("40 points at 0, 0, 0 are left out" in note for note in found.notes)

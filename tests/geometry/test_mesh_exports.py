@@ -497,6 +497,9 @@ def test_what_is_required_and_not_known_is_refused_by_name(read):
     old = gltf() | {"asset": {"version": "1.0"}}
     with pytest.raises(AsperityError, match=r"this is glTF 1.0; valid: glTF 2.0"):
         read(old)
+    new = gltf() | {"asset": {"version": "2.0", "minVersion": "3.0"}}
+    with pytest.raises(AsperityError, match=r"this is glTF 3.0; valid: glTF 2.0"):
+        read(new)
     (tree := gltf())["nodes"][0]["children"] = [0]
     with pytest.raises(AsperityError, match="contain themselves"):
         read(tree)

@@ -374,3 +374,59 @@ def test_the_table_states_which_unit_is_assumed(tmp_path, kind):
         "read: a.csv" if kind == "headed" else f"ASSUMED: unit m ({path.name} states none)"
     )
     assert extent == ("ASSUMED: unit m (a.csv states none)" if kind == "points" else "given")
+
+
+def test_a_parameter_of_a_pattern_is_given_once():
+    with pytest.raises(AsperityError, match="pitch is given twice; valid: once"):
+        pattern("knurl:1mm,pitch=2mm")
+
+
+@pytest.mark.parametrize(
+    ("option", "border"), [("", "wrap"), ("-clamp on ", "clamp"), ("-clamp off ", "wrap")]
+)
+def test_a_picture_that_is_clamped_does_not_repeat(tile, option, border):
+    path = tile([f"disp {option}-mm 0 8e-05 tile_Displacement.png"], ["Displacement"])
+    path.write_text(path.read_text().replace("vt 1 1", "vt 2 1"))
+    assert target_of(asperity.make_scene(tool="sphere:3mm", target=path)).texture.border == border
+
+
+@pytest.mark.parametrize(
+    ("wraps", "border", "said"),
+    [((10497, 10497), "wrap", False), ((33071, 33071), "clamp", False),
+     ((33648, 33648), "wrap", True), ((33071, 10497), "wrap", True)],
+)  # fmt: skip
+def test_a_gltf_states_what_its_picture_does_beyond_its_edges(tile, tmp_path, wraps, border, said):
+    uv = np.array([(0, 0), (2, 0), (2, 1), (0, 1)] * 2)
+    parts = [CORNERS.astype("<f4").tobytes(), uv.astype("<f4").tobytes(),
+             FACES.ravel().astype("<u2").tobytes(), pictures()["NormalGL"]]  # fmt: skip
+    starts = np.cumsum([0, *map(len, parts)])
+    uri = "data:;base64," + base64.b64encode(b"".join(parts)).decode()
+    views = [{"buffer": 0, "byteOffset": int(a), "byteLength": len(part)}
+             for a, part in zip(starts, parts, strict=False)]  # fmt: skip
+    accessors = [{"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"},
+                 {"bufferView": 1, "componentType": 5126, "count": 8, "type": "VEC2"},
+                 {"bufferView": 2, "componentType": 5123, "count": 36, "type": "SCALAR"},
+                ]  # fmt: skip
+    primitive = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
+    (tmp_path / "a.gltf").write_text(json.dumps({
+        "asset": {"version": "2.0"}, "buffers": [{"uri": uri, "byteLength": int(starts[-1])}],
+        "bufferViews": views, "accessors": accessors, "meshes": [{"primitives": [primitive]}],
+        "nodes": [{"mesh": 0}], "materials": [{"normalTexture": {"index": 0}}],
+        "samplers": [dict(zip(("wrapS", "wrapT"), wraps, strict=True))],
+        "textures": [{"source": 0, "sampler": 0}],
+        "images": [{"bufferView": 3, "mimeType": "image/png"}],
+    }))  # fmt: skip
+    scene = asperity.make_scene(tool="sphere:3mm", target=tmp_path / "a.gltf")
+    assert target_of(scene).texture.border == border
+    assert noted(scene, "is mirrored beyond its edges") == said
+
+
+def test_a_mesh_s_file_is_read_once_for_a_scene_and_again_for_the_next(tile, monkeypatch):
+    from asperity.scene import mesh
+
+    read = []
+    original = mesh.read_mesh
+    monkeypatch.setattr(mesh, "read_mesh", lambda *a, **k: read.append(a[0]) or original(*a, **k))
+    for count in (1, 2):
+        asperity.make_scene(tool="sphere:3mm", target=tile(), target_texture="knurl:1mm")
+        assert len(read) == count

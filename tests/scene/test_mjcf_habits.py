@@ -403,3 +403,42 @@ def test_meshes_of_ros_that_are_not_read_are_named(tmp_path, file: str, words: s
     with pytest.raises(AsperityError, match=words) as refused:
         asperity.load_scene(tmp_path / "r.urdf")
     assert len(str(refused.value).replace(str(tmp_path), "")) <= 300
+
+
+def test_a_tool_of_metres_and_one_that_touches_nothing_are_doubted(load) -> None:
+    large = tool(f'<geom type="sphere" size="{1e3 * RADIUS}"/>')
+    assert noted(load(plate(), large), "is 'tool' in m? It is 4 m across")
+    assert noted(load(plate('contype="2" conaffinity="2"'), tool(ball())), "touches nothing")
+    head = '<option o_friction=".2 .2 .005 .0001 .0001"><flag override="enable"/></option>'
+    assert noted(load(plate(), tool(ball()), head=head), "not used", "o_friction")
+    assert not load(plate(), tool(ball())).notes
+
+
+def test_macros_of_xacro_are_named(tmp_path) -> None:
+    for inside in ('<xacro:property name="w" value="1"/>', '<link name="${prefix}base"/>'):
+        (tmp_path / "r.urdf").write_text(f'<robot name="r">{inside}</robot>')
+        with pytest.raises(AsperityError, match=r"has macros of xacro; valid: .*xacro r.urdf") as e:
+            asperity.load_scene(tmp_path / "r.urdf")
+        assert "MJCF" not in str(e.value)
+
+
+def test_values_that_are_hardly_in_si_units_are_doubted(load) -> None:
+    motion = '[trajectory]\nkind = "slide"\nspeed = 83.0\npress_force = 580.0\n'
+    scene = load(plate(), tool(ball()), toml=TOML + "friction = 30.0\n" + motion)
+    assert noted(scene, "is trajectory.speed = 83 m/s right? Usual: 10 m/s at most")
+    assert noted(scene, "is trajectory.press_force = 580 N right?")
+    assert noted(scene, "is force.friction = 30 right?")
+
+
+def test_a_scene_toml_in_another_encoding_is_named(load) -> None:
+    with pytest.raises(AsperityError, match="line 7 is no text in UTF-8; valid: saved as UTF-8"):
+        load(plate(), tool(ball()), toml=(TOML + "\n# Rauheit 3 µm\n").encode("latin-1"))
+
+
+def test_warnings_of_mujoco_are_notes_and_not_printed(load, capfd) -> None:
+    head = '<compiler settotalmass=".2"/>'
+    if mujoco.__version__.startswith("4"):  # others do not warn of it
+        assert noted(load(plate(), tool(ball()), head=head), "MuJoCo:", "settotalmass")
+    load(plate(), tool(ball()), head=head)
+    assert capfd.readouterr() == ("", "")
+    assert mujoco.get_mju_user_warning() is None

@@ -67,6 +67,8 @@ NAMED = {
         "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z\n",
         (np.arange(N), T, XYZW, 1e3 * P),
     ),
+    "camel units": ("timeMs,xMm,yMm,zMm,qw,qx,qy,qz\n", (1e3 * T, 1e3 * P, Q)),
+    "nanoseconds": ("timestampNs,x,y,z,qw,qx,qy,qz\n", (1e9 * T, P, Q)),
     "two lines": (
         "Frame,Time,Rotation,Rotation,Rotation,Rotation,Position,Position,Position\n"
         ",(Seconds),X,Y,Z,W,X,Y,Z\n",
@@ -236,3 +238,38 @@ def test_arrays_that_are_no_poses_are_refused(tmp_path: Path) -> None:
 def test_names_of_pandas_and_of_a_body_before_its_first_column(tmp_path: Path) -> None:
     head = "Unnamed: 0,timestamps,tool X [mm],Y [mm],Z [mm],QX,QY,QZ,QW\n"
     check(read_poses(write(tmp_path / "a.csv", head, np.arange(N), T, 1e3 * P, XYZW)))
+
+
+def test_decimal_commas_in_quotation_marks(tmp_path: Path) -> None:
+    rows = (",".join(f'"{v:.12f}"'.replace(".", ",") for v in row) for row in np.c_[T, P, Q])
+    path = tmp_path / "a.csv"
+    path.write_text("time,x,y,z,qw,qx,qy,qz\n" + "\n".join(rows), "utf-8")
+    check(read_poses(path))
+
+
+def test_poses_at_the_origin_amid_others_are_doubted(tmp_path: Path) -> None:
+    head = "time,x,y,z,qw,qx,qy,qz\n"
+    poses = np.c_[P, Q]
+    poses[4:6] = [0, 0, 0, 1, 0, 0, 0]
+    found = read_poses(write(tmp_path / "a.csv", head, T, poses))
+    assert any("was tracking lost? 2 of 12" in n and "pose 5" in n for n in found.notes)
+    poses = np.c_[P - P[0], np.tile([1.0, 0.0, 0.0, 0.0], (N, 1))]  # begins there
+    assert not read_poses(write(tmp_path / "b.csv", head, T, poses)).notes
+
+
+def test_leaps_and_gaps_are_noted(tmp_path: Path) -> None:
+    head = "time,x,y,z,qw,qx,qy,qz\n"
+    leap = P.copy()
+    leap[6:, 0] += 0.2
+    found = read_poses(write(tmp_path / "a.csv", head, T, leap, Q))
+    assert any("leaps by 200 mm from pose 6 to 7, at 200 m/s" in note for note in found.notes)
+    late = np.where(np.arange(N) > 5, T + 5.0, T)
+    found = read_poses(write(tmp_path / "b.csv", head, late, P, Q))
+    assert any("there are 5.001 s without a pose behind pose 6" in note for note in found.notes)
+
+
+def test_two_places_are_refused_whatever_their_names(tmp_path: Path) -> None:
+    for other in ("base_x,base_y,base_z", "goal_x,goal_y,goal_z"):
+        head = f"time,tip_x,tip_y,tip_z,{other},qw,qx,qy,qz\n"
+        with pytest.raises(AsperityError, match=r"several columns are x: .*tip_x"):
+            read_poses(write(tmp_path / "a.csv", head, T, P, P + 1.0, Q))

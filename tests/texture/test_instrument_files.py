@@ -130,6 +130,37 @@ def test_x3p_that_is_no_map_is_refused(tmp_path):
         assert len(str(refused.value).replace(str(tmp_path), "")) <= 300
 
 
+@pytest.mark.parametrize("inside", ["", "scan 1/"])
+def test_points_that_an_x3p_states_as_invalid_are_missing(tmp_path, inside):
+    pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .x3p")
+    path = write_x3p(tmp_path / "a.x3p", kind="I", inside=inside)
+    valid = np.ones(MAP.shape, bool)
+    valid[3, 7] = valid[11, 20] = False
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    turned = "".join(f"<r{i}{j}>{int(i == 4 - j)}</r{i}{j}>" for i in (1, 2, 3) for j in (1, 2, 3))
+    main = parts[f"{inside}main.xml"].decode()
+    main = main.replace(
+        "</DataLink>", "<ValidPointsLink>bindata/v.bin</ValidPointsLink></DataLink>"
+    )
+    main = main.replace("</Axes>", f"<Rotation>{turned}</Rotation></Axes>")
+    parts[f"{inside}main.xml"] = main.encode()
+    parts[f"{inside}bindata/v.bin"] = np.packbits(valid.ravel(), bitorder="little").tobytes()
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content)
+    with pytest.raises(SurfaceError, match="2 of 600 values are missing"):
+        HeightField.from_file(path)
+    field = HeightField.from_file(path, missing="fill")
+    np.testing.assert_allclose(field.samples[valid], MAP[valid], atol=2e-9)
+    assert abs(field.samples - MAP)[~valid].min() > 1e-8
+    assert any("its Rotation" in note for note in field.notes)
+    with zipfile.ZipFile(path, "a") as archive, pytest.warns(UserWarning, match="Duplicate"):
+        archive.writestr(f"{inside}bindata/v.bin", b"short")
+    with pytest.raises(SurfaceError, match="valid points are 40 bits; valid: 600"):
+        HeightField.from_file(path)
+
+
 @pytest.mark.parametrize("kind", ["D", "L"])
 def test_x3p_may_list_its_heights_in_the_index(tmp_path, kind):
     pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .x3p")

@@ -391,3 +391,43 @@ def test_a_pointer_of_git_lfs_is_named(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text(pointer)
     with pytest.raises(SurfaceError, match=r"a pointer of Git LFS.*`git lfs pull`"):
         read_heights(tmp_path / name)
+
+
+@pytest.mark.parametrize("kind", ["cielab", "icclab"])
+def test_lightness_is_no_height(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, np.full((8, 8, 3), 128, "u1"), photometric=kind)
+    for colour in (None, "luminance"):
+        with pytest.raises(SurfaceError, match=r"its colours are .*LAB \(L\*a\*b\*\)"):
+            read_heights(path, colour=colour, **SCALED)
+
+
+def test_the_resolution_of_a_picture_is_named_unless_it_is_a_screen_s(tmp_path: Path) -> None:
+    fine = save8(SHARE, tmp_path / "a.png", dpi=(2540, 2540))
+    with pytest.raises(SurfaceError, match=r"pixel_size \[m\]; its resolution.* is 10 um a pixel"):
+        read_heights(fine, height_range=RELIEF)
+    like(read_heights(fine, **SCALED))
+    assert not any("resolution" in n for n in read_heights(fine, **SCALED).notes)
+    given = read_heights(fine, pixel_size=2 * PIXEL, height_range=RELIEF)
+    assert any("its resolution, of a print or not, is 10 um" in note for note in given.notes)
+    screen = save8(SHARE, tmp_path / "b.png", dpi=(72, 72))
+    assert not any("resolution" in n for n in read_heights(screen, **SCALED).notes)
+
+
+def test_the_unit_of_gdal_is_that_of_the_heights(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+
+    def write(unit: str) -> None:
+        text = f'<GDALMetadata>\n<Item name="UNITTYPE" sample="0" role="unittype">{unit}</Item>\n'
+        tag = [(42112, 2, 0, text + "</GDALMetadata>", True)]
+        tifffile.imwrite(path, (1e3 * RELIEF * SHARE).astype("f4"), extratags=tag)
+
+    write("mm")
+    found = read_heights(path, pixel_size=PIXEL)
+    like(found)
+    assert "heights in mm, as the file states (GDAL)" in found.notes
+    given = read_heights(path, pixel_size=PIXEL, unit="um")
+    assert any("in um, as given; the file states mm" in note for note in given.notes)
+    write("degC")
+    with pytest.raises(SurfaceError, match="height_range"):
+        read_heights(path, pixel_size=PIXEL)

@@ -331,6 +331,20 @@ def test_npz_names_its_units(tmp_path: Path) -> None:
     assert any("the file has 10 um" in note for note in other.notes)
 
 
+def test_npz_states_its_unit_and_its_steps_in_arrays_of_their_own(tmp_path: Path) -> None:
+    path, heights = tmp_path / "a.npz", 1e-6 * np.arange(20.0).reshape(4, 5)
+    mask = heights > 0.0
+    np.savez(path, z=1e6 * heights, unit="µm", dx_um=10.0, dy_um=20.0, mask=mask)
+    found = read_heights(path)
+    np.testing.assert_allclose(found.samples, heights)
+    assert found.pixel_size == pytest.approx((1e-5, 2e-5))
+    assert "heights in µm, as the file states" in found.notes
+    assert any("arrays left out: mask" in note for note in found.notes)
+    np.savez(path, z=1e6 * heights, units="V", pixel_size=1e-5)
+    with pytest.raises(SurfaceError, match="height_range"):
+        read_heights(path)
+
+
 def test_npz_of_several_arrays_asks_which(tmp_path: Path) -> None:
     first, second = RNG.normal(size=(2, 20, 30))
     np.savez(tmp_path / "a.npz", first=first, second=second)

@@ -319,3 +319,130 @@ def test_axes_beside_a_matrix_are_no_heights(tmp_path: Path) -> None:
         assert any(f"is its first {what} places?" in note for note in found.notes)
     found = read_heights(write(tmp_path / "c.csv", rows(1e6 * HEIGHTS, ",")), pixel_size=PIXEL)
     assert not any("places?" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("heading", "unit"),
+    [
+        ("heightUm", 1e-6), ("height [1e-6 m]", 1e-6), ("height (x10^-6 m)", 1e-6),
+        ("height (µin)", 2.54e-8), ("height (kÅ)", 1e-7), ("height [㎛]", 1e-6),
+        ("height [ƒÊm]", 1e-6),
+    ],
+)  # fmt: skip
+def test_units_that_few_programs_write(tmp_path: Path, heading: str, unit: float) -> None:
+    path = write(tmp_path / "a.csv", f"{heading}\n" + rows(HEIGHTS / unit, ","))
+    same(read_heights(path, pixel_size=PIXEL))
+
+
+@pytest.mark.parametrize("steps", ["Pas en {} :", "Schrittweite {}:", "Krok {}:", "Paso {}:"])
+def test_steps_in_other_languages_are_those_of_pixels(tmp_path: Path, steps: str) -> None:
+    head = "".join(f"{steps.format(axis)} {n} µm\n" for axis, n in (("X", 10), ("Y", 20)))
+    same(read_heights(write(tmp_path / "a.txt", f"{head}Z unit: m\n{rows(HEIGHTS)}")), tall=2.0)
+
+
+def test_numbers_in_quotation_marks_and_with_thousands(tmp_path: Path) -> None:
+    nanometres = 1e9 * HEIGHTS + 20000.0
+    english = [[f"{value:,.3f}" for value in row] for row in nanometres]
+    swap = str.maketrans(",.", ".,")
+    for name, text in {
+        "quoted": "\n".join(",".join(f'"{cell}"' for cell in row) for row in english),
+        "decimal": "\n".join(
+            ",".join(f'"{value:.4f}"'.replace(".", ",") for value in row) for row in nanometres
+        ),
+        "tabs": "\n".join("\t".join(row) for row in english),
+        "german": "\n".join(";".join(row) for row in english).translate(swap),
+    }.items():
+        path = write(tmp_path / f"{name}.csv", text)
+        found = read_heights(path, unit="nm", pixel_size=PIXEL)
+        assert not found.notes[1:], name
+        np.testing.assert_allclose(found.samples - 2e-5, HEIGHTS, atol=1e-11)
+    whole = "\n".join("\t".join(f"{value:,.0f}" for value in row) for row in nanometres)
+    found = read_heights(write(tmp_path / "a.txt", whole), unit="nm", pixel_size=PIXEL)
+    assert any("with a decimal mark; write thousands without" in note for note in found.notes)
+
+
+def test_a_grid_of_esri_may_stand_in_one_line_and_be_cut_short(tmp_path: Path) -> None:
+    head = "ncols 30\nnrows 20\nxllcorner 0\nyllcorner 0\ncellsize 1e-5\n"
+    same(read_heights(write(tmp_path / "a.asc", head + rows(HEIGHTS, " ").replace("\n", " "))))
+    short = read_heights(write(tmp_path / "b.asc", head + rows(HEIGHTS[:-1], " ")))
+    assert any("It states 30 x 20 heights, and has 30 x 19" in note for note in short.notes)
+
+
+def test_rows_and_columns_that_are_numbered_are_a_map_from_the_top(tmp_path: Path) -> None:
+    table = np.column_stack([V.ravel(), U.ravel(), 1e6 * HEIGHTS.ravel()])
+    path = write(tmp_path / "a.csv", "row,col,height_um\n" + rows(table, ","))
+    found = read_heights(path, pixel_size=PIXEL)
+    np.testing.assert_allclose(found.samples, np.flipud(HEIGHTS), atol=1e-10)
+    with pytest.raises(SurfaceError, match="pixel_size"):
+        read_heights(path)
+
+
+def test_a_profile_of_several_columns_needs_to_say_which_are_its_heights(tmp_path: Path) -> None:
+    x, z = 1e3 * X[:30], 1e6 * HEIGHTS[0]
+    several = write(tmp_path / "a.csv", "x_mm,raw_um,fine_um\n" + rows(np.c_[x, z, 0.1 * z], ","))
+    with pytest.raises(SurfaceError, match=r"x_mm, raw_um, fine_um\).* which one has the heights"):
+        read_heights(several)
+    pair = write(tmp_path / "b.csv", "Lateral,Raw_Millimeter/Micron\n" + rows(np.c_[x, z], ","))
+    found = read_heights(pair)
+    np.testing.assert_allclose(found.samples, HEIGHTS[0], atol=1e-10)
+    np.testing.assert_allclose(found.pixel_size, PIXEL, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "heading", "doubted"),
+    [("a", "Depth (µm)", True), ("wood_depth", "z (µm)", True), ("WoodDepth", "z (µm)", True),
+     ("Rautiefe", "z (µm)", False), ("depths", "height (µm)", False)],
+)  # fmt: skip
+def test_depths_are_doubted(tmp_path: Path, name: str, heading: str, doubted: bool) -> None:
+    path = write(tmp_path / f"{name}.csv", f"{heading}\n" + rows(1e6 * HEIGHTS, ","))
+    found = read_heights(path, pixel_size=PIXEL)
+    assert any("invert=True exchanges hills and valleys" in n for n in found.notes) == doubted
+    found = read_heights(path, pixel_size=PIXEL, invert=True)
+    assert not any("downwards?" in note for note in found.notes)
+
+
+def test_of_several_blocks_of_rows_the_first_is_read(tmp_path: Path) -> None:
+    head = "# Width: 300 µm\n# Height: 200 µm\n# Value units: µm\n"
+    block = rows(1e6 * HEIGHTS)
+    for between in ("\n", "# Channel: Phase\n# Value units: deg\n"):
+        found = read_heights(write(tmp_path / "a.txt", head + block + between + block))
+        same(found)
+        assert any("2 blocks: the first, of 20, is read" in note for note in found.notes)
+    lines = block.replace("\n", "\n\n")  # a blank line behind each row sets no block apart
+    same(read_heights(write(tmp_path / "b.txt", head + lines)))
+    half = block.split("\n")
+    half.insert(10, "# the second half")
+    same(read_heights(write(tmp_path / "c.txt", head + "\n".join(half))))
+
+
+@pytest.mark.parametrize("corner", ["", "um"])
+@pytest.mark.parametrize(("down", "left"), [(False, False), (True, False), (False, True)])
+def test_places_beside_a_matrix_state_where_it_begins(
+    tmp_path: Path, corner: str, down: bool, left: bool
+) -> None:
+    x, y, values = 10.0 * np.arange(30), 10.0 * np.arange(20), 1e6 * HEIGHTS
+    if down:
+        y, values = y[::-1], values[::-1]
+    if left:
+        x, values = x[::-1], values[:, ::-1]
+    table = rows(np.column_stack([y, values]), ",")
+    text = ",".join([corner, *(f"{place:g}" for place in x)]) + "\n" + table
+    found = read_heights(write(tmp_path / "a.csv", text), unit="um", pixel_size=PIXEL)
+    np.testing.assert_allclose(found.samples, HEIGHTS, atol=1e-10)
+    assert any("columns are turned" in note for note in found.notes) == left
+    assert any("top of the map, as its places state" in note for note in found.notes) == down
+
+
+@pytest.mark.parametrize("heading", ["Voltage [V]", "current (nA)", "phase [deg]", "z (counts)"])
+def test_a_heading_with_another_unit_is_no_length(tmp_path: Path, heading: str) -> None:
+    path = write(tmp_path / "a.csv", f"{heading}\n" + rows(HEIGHTS, ","))
+    with pytest.raises(SurfaceError, match="height_range"):
+        read_heights(path, pixel_size=PIXEL)
+
+
+def test_places_and_speeds_are_no_sizes_of_a_map(tmp_path: Path) -> None:
+    for head in ("Stage X: 12.5 mm\nStage Y: 7.5 mm\n", "Scan length: 300 µm\nSpeed: 0.1 mm/s\n"):
+        with pytest.raises(SurfaceError, match="pixel_size"):
+            read_heights(write(tmp_path / "a.txt", f"{head}Z unit: m\n" + rows(HEIGHTS)))
+    same(read_heights(write(tmp_path / "b.txt", "Scale: 10 µm\nPixel size: 10 µm/px\n"
+                            "Z unit: m\n" + rows(HEIGHTS))))  # fmt: skip

@@ -6,6 +6,7 @@ and words for missing values differ from program to program; numbers are parsed 
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,6 +36,23 @@ _COMMENT = re.compile(r"(?i)(?<!\.)#(?!n/?a|name|value|div|num|#)")
 _TWO_WORDS = re.compile(r"(?i)\b(no|not)[ _](data|value|measured)\b")
 """Words for a missing value that are two."""
 _BLANK = re.compile(r"\n[ \t\r]*\n")
+_QUOTED_COMMA = re.compile(r'"[+-]?[\d.]*\d,\d[\d.,]*"')
+"""A number with a comma in quotation marks, as spreadsheets write it where commas separate."""
+
+
+def _grouped(mark: str, decimal: str) -> re.Pattern[str]:
+    """Return the pattern of a cell whose marks group thousands."""
+    number = rf" *[+-]?\d{{1,3}}(?:[{mark}]\d{{3}})+[{decimal}]\d+ *"
+    return re.compile(rf"^{number}(?=[;\t])|(?<=[;\t]){number}(?=[;\t\r\n]|$)", re.MULTILINE)
+
+
+_GROUPED = {",": _grouped(",", "."), ".": _grouped(".", ",")}
+"""Cells that show which mark groups thousands: `1,234.5`, `1.234,5`."""
+_EITHER = {
+    ",": re.compile(r"[+-]?[1-9]\d{0,2},\d{3}"),
+    ".": re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}"),
+}
+"""Numbers that do not show it."""
 _LOOKED_AT = 40
 """Rows from which the separator is found."""
 
@@ -49,6 +67,19 @@ def decoded(content: bytes) -> str | None:
         controls = sum(c < " " and c not in "\t\n\r\f\x1a" for c in text[:4096])
         return text if controls <= 0.01 * len(text[:4096]) else None
     return None
+
+
+def without_groups(text: str) -> str:
+    """Return text without marks that group thousands, and without quotes round decimal commas.
+
+    Cells of numbers with commas that are quoted are set apart by semicolons.
+    """
+    if _QUOTED_COMMA.search(text) and ";" not in text:
+        text = "\n".join(";".join(cells) for cells in csv.reader(text.splitlines()))
+    for mark, grouped in _GROUPED.items():
+        if grouped.search(text[:20_000]):
+            text = re.sub(rf"(?<=\d)[{mark}](?=\d{{3}})", "", text)
+    return text
 
 
 @dataclass(frozen=True)
@@ -129,6 +160,17 @@ class TextTable:
         """Whether commas separate whole numbers, or are decimal marks: nothing shows which."""
         return self.separator == "," and "." not in self.body and " " not in self.body.strip()
 
+    @property
+    def perhaps_thousands(self) -> str:
+        """A number whose mark may group thousands, if all that have one are such; else ""."""
+        if self.separator != ";" and (self.separator != "\t" or self.decimal == "."):
+            return ""
+        rows = self.body[:200_000].splitlines()[:_LOOKED_AT]
+        cells = [cell.strip() for row in rows for cell in _bare(row).split(self.separator)]
+        marked = [cell for cell in cells if self.decimal in cell]
+        either = _EITHER[self.decimal]
+        return marked[0] if marked and all(map(either.fullmatch, marked)) else ""
+
     def rows_at(self) -> Sequence[int]:
         """Return the number of the line of each row."""
         body = self.body.rstrip("\n")
@@ -184,6 +226,7 @@ def read_text_table(
         raise error(f"{path}: cannot be read as a {kind} file: no text; valid: rows of numbers")
     if "\n" not in text and "\r" in text:
         text = text.replace("\r", "\n")
+    text = without_groups(text)
     start, number, header, above = 0, 0, [], ""
     while start < len(text):
         end = text.find("\n", start)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 
 LENGTHS = {
     "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "метр": 1.0, "м": 1.0,
@@ -16,9 +17,11 @@ LENGTHS = {
     "nm": 1e-9, "nanometer": 1e-9, "nanometers": 1e-9, "nanometre": 1e-9, "nanometres": 1e-9,
     "нм": 1e-9, "pm": 1e-12,
     "å": 1e-10, "angstrom": 1e-10, "angstroms": 1e-10, "ångström": 1e-10, "ang": 1e-10,
-    "inch": 0.0254, "inches": 0.0254, "in": 0.0254, "mil": 2.54e-5, "thou": 2.54e-5,
+    "kå": 1e-7, "inch": 0.0254, "inches": 0.0254, "in": 0.0254, "mil": 2.54e-5, "thou": 2.54e-5,
+    "μin": 2.54e-8, "uin": 2.54e-8, "μinch": 2.54e-8, "microinch": 2.54e-8, "microinches": 2.54e-8,
+    "ƒêm": 1e-6, "¦ìm": 1e-6, "¥ìm": 1e-6,
 }  # fmt: skip
-"""Units of length [m], in lower case."""
+"""Units of length [m], in lower case; the last are μm of Asian code pages."""
 TIMES = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
     "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3, "millis": 1e-3,
@@ -36,30 +39,56 @@ SHORT = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 """Those that options take, and notes are written in [m]."""
 
 _BRACKETS = re.compile(r"[\[({<]\s*([^\[\](){}<>]*?)\s*[\])}>]")
+_TIMES_A_UNIT = re.compile(
+    r"[×x*]?\s*(?:(\d+\.?\d*e[+-]?\d+)|10\s*(?:\^|\*\*)?\s*([+-]\d+))\s*[×x*]?\s*([^\W\d]+)",
+    re.IGNORECASE,
+)
+"""A power of ten of units: `1e-6 m`, `x10^-6 m`."""
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _AMBIGUOUS = ("in", "ang", "m", "s", "м")
 """Words that stand for a unit only in brackets, or behind a sign."""
 
 
 def length_of(word: str) -> float | None:
     """Return what a word stands for as a unit of length [m], None for another word."""
-    return LENGTHS.get(word.strip().strip(".").casefold().replace("^", ""))
+    return _value(word.strip().replace("^", ""), LENGTHS)
+
+
+def _value(word: str, units: dict[str, float]) -> float | None:
+    """Return the value of a unit, in any case and form of its letters, None for another word."""
+    plain = word.strip(".").casefold()
+    return units.get(plain, units.get(unicodedata.normalize("NFKC", plain).casefold()))
+
+
+def _in_brackets(inside: str, units: dict[str, float]) -> float | None:
+    """Return the value of a unit, also behind a power of ten, None for other words."""
+    several = _TIMES_A_UNIT.fullmatch(unicodedata.normalize("NFKC", inside).replace("−", "-"))
+    if several is None:
+        return _value(inside, units)
+    number, power, word = several.groups()
+    value = _value(word, units)
+    factor = float(number) if number else float(f"1e{power}")
+    return None if value is None or factor == 0.0 else factor * value
 
 
 def named_unit(heading: str, units: dict[str, float]) -> tuple[str, float] | None:
     """Return the unit that a heading names, as written, and its value; None if it names none.
 
-    In brackets (`height [µm]`), behind a sign (`z_um`, `z/mm`, `x-mm`), behind "in", or as the
-    last word (`Height µm`).
+    In brackets (`height [µm]`, `[1e-6 m]`), behind a sign (`z_um`, `z/mm`, `x-mm`), behind "in",
+    as the last word (`Height µm`), or in capitals behind it (`heightUm`, `timeMs`).
     """
     text = heading.strip().strip("\"'#%").strip()
     for inside in _BRACKETS.findall(text):
-        value = units.get(inside.strip(".").casefold())
+        value = _in_brackets(inside, units)
         if value is not None:
             return inside, value
     text = _BRACKETS.sub(" ", text).strip()
     words = re.split(r"[\s_/,:=.-]+", text)
     word = words[-1] if len(words) > 1 else ""
-    value = units.get(word.casefold())
+    value = _value(word, units)
+    camel = _CAMEL.split(text)
+    if value is None and len(camel) > 1 and camel[-1].casefold() not in _AMBIGUOUS:
+        word, value = camel[-1], _value(camel[-1], units)
     signed = re.search(r"([_/:=]|\bin\s|\s-\s)\s*" + re.escape(word) + "$", text, re.IGNORECASE)
     if value is None or (word.casefold() in _AMBIGUOUS and not signed):
         return None

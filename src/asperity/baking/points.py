@@ -18,7 +18,7 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity._core.files import columns_of, content_of, reading, text_of
 from asperity._core.large_tables import numbers_of
-from asperity._core.text_table import is_number
+from asperity._core.text_table import is_number, without_groups
 from asperity._core.units import LENGTHS, named_unit
 from asperity.baking.pcd import read_pcd
 from asperity.baking.ptx import read_ptx
@@ -118,6 +118,14 @@ def read_points(path: Path) -> Points:
     good, notes = np.isfinite(found.places).all(axis=1), found.notes
     if not good.all():
         notes = (*notes, f"{np.count_nonzero(~good)} points without a place are left out")
+    at_origin = (found.places == 0.0).all(axis=1)
+    if np.count_nonzero(at_origin) > 1:
+        count = np.count_nonzero(at_origin)
+        notes = (
+            *notes,
+            f"{count} points at 0, 0, 0 are left out: scanners write what is not seen so",
+        )
+        good &= ~at_origin
     if good.sum() < FEWEST:
         raise AsperityError(f"{path}: {good.sum()} points are too few; valid: {FEWEST} or more")
     return Points(found.places[good], found.unit, notes)
@@ -145,7 +153,7 @@ def holds_points(path: Path) -> bool:
 
 def _plain(data: bytes) -> str:
     """Return a text without quotes, its numbers as Python writes them."""
-    text = text_of(data).replace('"', "")
+    text = without_groups(text_of(data)).replace('"', "")
     return _FORTRAN.sub("e", text) if _FORTRAN.search(text[:2000]) else text
 
 
@@ -203,7 +211,7 @@ def _heading(
 
     Empty if no line above names x, y and z. A column that is named x alone wins over `pos_x`.
     """
-    for line in reversed(above):
+    for at, line in reversed([*enumerate(above)]):
         plain = line.strip().lstrip("#/%").strip()
         for cut in dict.fromkeys((separator, ",", ";", "\t", None)):
             words = [word.strip() for word in plain.split(cut)]
@@ -215,6 +223,10 @@ def _heading(
                 if all(axes.count(axis) == 1 for axis in "xyz"):
                     stated = dict(found)
                     units = [re.sub("[µμ]", "u", stated[axis]) for axis in "xyz"]
+                    if not any(units) and at + 1 < len(above):  # a line of units below
+                        cells = [cell.strip("[]() \r") for cell in above[at + 1].split(cut)]
+                        below = dict(zip(axes, cells, strict=False))
+                        units = [re.sub("[µμ]", "u", below.get(axis, "")) for axis in "xyz"]
                     return axes, tuple(unit if unit in UNITS else "" for unit in units)
     return (), ()
 

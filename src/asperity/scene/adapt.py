@@ -40,6 +40,8 @@ _UNUSED_ELEMENTS = {
     "equality": "constraints", "tendon": "tendons", "actuator": "actuators",
     "pair": "contact pairs", "exclude": "contact exclusions", "deformable": "deformable bodies",
 }  # fmt: skip
+_ACROSS = 1e-4, 2.0
+"""Smallest and largest tool whose size is not doubted [m]."""
 _IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -344,10 +346,35 @@ def _read_contact(xml: str, out: Adapted) -> None:
     left_out = [words for name, words in _UNUSED_ELEMENTS.items() if name in stated["elements"]]
     if left_out:
         out.notes.append(f"not used of scene.xml: {', '.join(left_out)}")
+    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+        out.notes.append("not used of scene.xml: the contact that option overrides (o_friction)")
     bodies = {model.body(i).name: i for i in range(1, model.nbody)}
-    if "friction" not in stated or out.tool not in bodies:
+    if out.tool not in bodies:
+        return
+    _doubt(model, bodies[out.tool], out)
+    if "friction" not in stated:
         return
     out.frictions = frictions(model, bodies[out.tool], out.notes)
+
+
+def _doubt(model: mujoco.MjModel, tool: int, out: Adapted) -> None:
+    """Note a tool that is hardly in metres, or that touches nothing."""
+    touched = [i for i in range(model.ngeom) if is_touchable(model, i)]
+    mine = [i for i in touched if model.geom_bodyid[i] == tool]
+    if not mine:
+        return
+    across = 2.0 * float(model.geom_rbound[mine].max())  # of a plane 0
+    if across and not _ACROSS[0] <= across <= _ACROSS[1]:
+        out.notes.append(
+            f"is {out.tool!r} in m? It is {across:.4g} m across; usual: {_ACROSS[0]:g} to "
+            f"{_ACROSS[1]:g}; lengths in scene.xml are in m"
+        )
+    kinds, partners = model.geom_contype, model.geom_conaffinity
+    others = [i for i in touched if i not in mine]
+    if others and not any(
+        kinds[i] & partners[j] or partners[i] & kinds[j] for i in mine for j in others
+    ):
+        out.notes.append(f"by contype and conaffinity {out.tool!r} touches nothing")
 
 
 def _stated(xml: str) -> dict[str, Any]:

@@ -43,7 +43,12 @@ def read_toml(path: Path) -> dict[str, Any]:
         data = path.read_bytes()
         marked = data.startswith((b"\xff\xfe", b"\xfe\xff"))
         return tomllib.loads(data.decode("utf-16" if marked else "utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise AsperityError(
+            f"{path} is not TOML: line {line} is no text in UTF-8; valid: saved as UTF-8"
+        ) from None
+    except tomllib.TOMLDecodeError as error:
         raise AsperityError(f"{path} is not TOML: {error}") from None
 
 

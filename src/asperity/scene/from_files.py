@@ -21,7 +21,7 @@ from asperity.geometry.bodies import Geom
 from asperity.geometry.facets.tessellate import geom_triangles
 from asperity.geometry.mesh.checks import length
 from asperity.geometry.mesh.map_names import maps_in_folder
-from asperity.geometry.mesh.materials import MapImage
+from asperity.geometry.mesh.materials import FELT, MapImage
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.asset import (
     own_textures,
@@ -31,7 +31,7 @@ from asperity.scene.asset import (
     texture_of,
 )
 from asperity.scene.document import at, require_table
-from asperity.scene.mesh import body_mesh, body_pieces, uv_size
+from asperity.scene.mesh import body_mesh, body_pieces, files_read_once, uv_size
 from asperity.scene.mjcf import compiled, mesh_assets, mesh_geoms, model_around
 from asperity.scene.placement import fall, slide_over
 from asperity.scene.scene import Scene, scene_of
@@ -82,6 +82,7 @@ class _Part:
     notes: tuple[str, ...]
 
 
+@files_read_once()
 def make_scene(
     *,
     tool: File,
@@ -306,7 +307,11 @@ def _scale(
         return
     if "border" not in texture:
         beyond = on_uv is None or on_uv.uv.min() < -1e-6 or on_uv.uv.max() > 1.0 + 1e-6  # type: ignore[union-attr]
-        texture["border"] = "wrap" if beyond else "clamp"
+        stated = next((maps[kind].border for kind in FELT if kind in maps), "wrap")
+        texture["border"] = "wrap" if beyond and stated != "clamp" else "clamp"
+        if beyond and stated == "other":
+            notes.append(f"{path.name} is mirrored beyond its edges, or clamped along one axis, as "
+                         "its file states: here it repeats")  # fmt: skip
     normals = str(texture.get("kind", "height")).startswith("normal")
     rows, columns = _image_shape(path)
     if "pixel_size" not in texture and "size" not in texture:

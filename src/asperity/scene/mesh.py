@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import inspect
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,6 +41,8 @@ Material = tuple[float, str]
 STEEL: Material = (7850.0, "0.42 0.55 0.72 1")
 HANDLE: Material = (700.0, "0.72 0.50 0.30 1")
 """Of tools: their metal, and their handles of wood."""
+_KNOWN: ContextVar[dict[tuple[object, ...], Mesh] | None] = ContextVar("_KNOWN", default=None)
+"""Meshes of files by path and options, within `files_read_once`."""
 _ALIKE = 0.25
 """By how much, in diagonals of the mesh, it and its pieces may be apart."""
 _LARGER = 3.0
@@ -166,8 +170,23 @@ def _mesh_of_file(table: Table, key: str, folder: Path | None) -> Mesh:
     given = parse_options(table, key, _file_keys, "file", _PLACING)
     path = find_file(table, key, folder)
     atlas = given.pop("atlas", False)
-    mesh = at(key, lambda: read_mesh(path, **given))
+    known, what = _KNOWN.get(), (path, *sorted(given.items()))
+    mesh = known.get(what) if known is not None else None
+    if mesh is None:
+        mesh = at(key, lambda: read_mesh(path, **given))
+    if known is not None:
+        known[what] = mesh
     return at(f"{key}.atlas", lambda: with_atlas(mesh)) if atlas else mesh
+
+
+@contextmanager
+def files_read_once() -> Iterator[None]:
+    """Read each file of a mesh once within the context, in which files stay as they are."""
+    token = _KNOWN.set({})
+    try:
+        yield
+    finally:
+        _KNOWN.reset(token)
 
 
 def _file_keys(

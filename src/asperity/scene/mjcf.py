@@ -11,7 +11,8 @@ those of hammer-blocks by up to 67 nm, and would replace `fromto` by quaternions
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ MOST_SEEN = 50_000
 """A mesh of more triangles is not written into the XML to be seen."""
 _FILES = re.compile(r"<robot\b|\bfile\w*\s*=")
 """What is read through MuJoCo's own reader: URDF, and MJCF that names files."""
+_XACRO = re.compile(r"<xacro:|\$\{|\$\(find ")
 _PACKAGE = re.compile(r"package://([^/\"']+)/([^\"']+)")
 """A file of a package of ROS."""
 TRIPLES_A_LINE = 8
@@ -75,6 +77,22 @@ def model_around(
     )
 
 
+@contextmanager
+def warnings_as_notes(notes: list[str]) -> Iterator[None]:
+    """Add MuJoCo's warnings, which it would print, to notes, each once."""
+    before = mujoco.get_mju_user_warning()
+
+    def keep(text: str) -> None:
+        note = f"MuJoCo: {' '.join(text.split())[:160]}"
+        notes.extend([] if note in notes else [note])
+
+    mujoco.set_mju_user_warning(keep)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
 def compiled(xml: str) -> mujoco.MjModel:
     """Return the model of MJCF text, or say in one line what is wrong with it."""
     try:
@@ -91,6 +109,10 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
     """
     try:
         xml = text_of(path.read_bytes())
+        if _XACRO.search(xml):
+            raise AsperityError(
+                f"{path} has macros of xacro; valid: the URDF that `xacro {path.name}` makes of it"
+            )
         if not _FILES.search(xml):
             return xml, ()
         # Through MuJoCo's own reader, so that files are found beside this one.
@@ -113,6 +135,8 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
                 hfield.file = ""
         notes = _without_pictures(spec)
         return spec.to_xml(), notes
+    except AsperityError:
+        raise
     except (ValueError, OSError) as error:
         raise AsperityError(_refusal(path, error)) from None
 

@@ -48,7 +48,7 @@ _PLACE = _set(
 _OTHER = _set(
     "v vel velocity linear angular twist acc accel acceleration a gyro omega force torque f wrench "
     "rvec rotvec rv axisangle rodrigues err error cov covariance std sigma bias bw ba mean "
-    "residual euler roll pitch yaw scale normal"
+    "residual euler rpy roll pitch yaw scale normal"
 )
 """Words of columns that are no poses."""
 _AXES = {"0": "w", "1": "x", "2": "y", "3": "z", "i": "x", "j": "y", "k": "z", "real": "w",
@@ -150,8 +150,9 @@ def layout_of(path: object, names: Sequence[str]) -> Layout:
             bare[axis].remove(long[0])
     turned = all(f"q{axis}" in found for axis in "xyz")
     if all(bare[axis] for axis in "xyz") and (turned or "x" not in found):
-        # Beside them, tx is a torque: it is left out.
-        found |= {axis: bare.pop(axis) for axis in "xyz"}
+        # Beside x alone, tx is a torque: it is left out. Beside base_x, tip_x is a place too.
+        single = all(len(_words(names[at])) == 1 for axis in "xyz" for at in bare[axis])
+        found |= {axis: bare.pop(axis) + ([] if single else found.get(axis, [])) for axis in "xyz"}
     elif not bare["w"] and all(axis in found or bare[axis] for axis in "xyz"):
         # A body's name may stand before the first of its columns alone: "tool X", "Y", "Z".
         found |= {axis: bare.pop(axis) for axis in "xyz" if axis not in found}

@@ -64,10 +64,16 @@ from asperity.scene.document import (
 from asperity.scene.elastic import ANTI_ALIAS_NOTE, scene_elastic
 from asperity.scene.friction import settings_with, with_frictions
 from asperity.scene.mesh import copy_with_companions, geoms_mesh
-from asperity.scene.mjcf import geom_names, read_mjcf, tool_start, touchable_geoms
+from asperity.scene.mjcf import (
+    geom_names,
+    read_mjcf,
+    tool_start,
+    touchable_geoms,
+    warnings_as_notes,
+)
 from asperity.scene.property_maps import on_terrain, without_textures
 from asperity.scene.regions import material_surface
-from asperity.scene.sections import coupling_of, force_of, motion_of
+from asperity.scene.sections import coupling_of, force_of, motion_of, unusual
 from asperity.scene.skin import scene_skin
 from asperity.scene.texture import body_surface
 from asperity.scene.trajectory import ScriptedMotion, Trajectory
@@ -219,13 +225,15 @@ def read_scene(path: str | Path) -> Scene:
     `scene.toml` the tool is the only body with a freejoint, and all else is as by default.
     """
     model, toml = _scene_files(Path(path))
-    xml, notes = read_mjcf(model)
+    with warnings_as_notes([]):  # those that stay come again as the scene is made
+        xml, notes = read_mjcf(model)
     folder = model.parent
     name = folder.resolve().name if model.name == "scene.xml" else model.stem
     if toml is not None:
         document = read_toml(toml)
     else:
-        tool = at(str(model), lambda: adapted(xml)).tool
+        with warnings_as_notes([]):
+            tool = at(str(model), lambda: adapted(xml)).tool
         document = {"schema": SCHEMA, "tool": {"body": tool}}
         notes = (
             *notes,
@@ -284,13 +292,15 @@ def scene_of(
         and CoACD, which cuts it, is not installed.
     """
     held = document.get("tool", {})
-    prepared = adapted(xml, held.get("body") if isinstance(held, Mapping) else None)
-    model = prepared.model
-    owned = touchable_geoms(model)
-    check_document(document, owned)
-    tool = document["tool"]["body"]
-    start = tool_start(model, tool)
-    cut, cut_notes = with_convex_pieces(xml, model, prepared.spec)
+    warned: list[str] = []
+    with warnings_as_notes(warned):
+        prepared = adapted(xml, held.get("body") if isinstance(held, Mapping) else None)
+        model = prepared.model
+        owned = touchable_geoms(model)
+        check_document(document, owned)
+        tool = document["tool"]["body"]
+        start = tool_start(model, tool)
+        cut, cut_notes = with_convex_pieces(xml, model, prepared.spec)
     solids = touchable_geoms(cut)
     force, anti_alias = force_of(document.get("force", {}))
     force, frictions = settings_with(
@@ -327,7 +337,9 @@ def scene_of(
         coupling=coupling,
         motion=motion_of(document.get("trajectory", {}), folder),
         notes=(
+            *warned,
             *prepared.notes,
+            *unusual(document),
             *cut_notes,
             *own_notes,
             *([_BAND_NOTE] if anti_alias == "band" and coupling.mode != "direct" else []),

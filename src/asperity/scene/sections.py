@@ -14,6 +14,12 @@ from asperity.scene.trajectory_file import read_poses
 
 ANTI_ALIAS_MODES = ("off", "tick", "band")
 """Treatments of texture that passes faster than the tick."""
+_USUAL = {
+    ("force", "friction"): (5.0, ""), ("trajectory", "speed"): (10.0, " m/s"),
+    ("trajectory", "press_force"): (100.0, " N"), ("trajectory", "length"): (3.0, " m"),
+    ("trajectory", "radius"): (3.0, " m"), ("trajectory", "press_depth"): (0.1, " m"),
+}  # fmt: skip
+"""Values, of hands and plates, above which a unit is doubted."""
 
 
 def force_of(table: Table) -> tuple[ForceSettings, str]:
@@ -24,6 +30,16 @@ def force_of(table: Table) -> tuple[ForceSettings, str]:
     at("force.anti_alias", lambda: require_choice("mode", mode, ANTI_ALIAS_MODES))
     options = arguments(rest, "force", ForceSettings)
     return at("force", lambda: ForceSettings(**options)), mode
+
+
+def unusual(document: Table) -> list[str]:
+    """Return notes on values that are valid but hardly in SI units, as a speed in mm/s."""
+    return [
+        f"is {section}.{key} = {value:g}{unit} right? Usual: {most:g}{unit} at most; all values "
+        "are in SI units"
+        for (section, key), (most, unit) in _USUAL.items()
+        if isinstance(value := document.get(section, {}).get(key), int | float) and value > most
+    ]
 
 
 def coupling_of(table: Table) -> CouplingSettings:

@@ -142,6 +142,8 @@ def pattern(text: str) -> tuple[dict[str, Any], str] | None:
                 f"{text!r}: {kind} has no {name!r}{did_you_mean(name, names)}; "
                 f"valid: {', '.join(names)}"
             )
+        if name in given:
+            raise AsperityError(f"{text!r}: {name} is given twice; valid: once")
         given[name] = _value(text, name, value.strip())
     first = next(iter(usual))
     ratio = given.get(first, usual[first]) / usual[first]

@@ -17,6 +17,7 @@ from asperity.errors import AsperityError, require_choice, require_positive
 from asperity.scene.clock_times import in_seconds
 from asperity.scene.pose_arrays import array_columns
 from asperity.scene.pose_columns import COLUMNS, MATRICES, ORDERS, Layout, layout_in_order
+from asperity.scene.pose_doubts import pose_doubts
 from asperity.scene.pose_names import named_columns, named_layout
 from asperity.scene.pose_turns import CONVENTIONS, are_blocks, in_quaternions, matrix_layout
 from asperity.scene.trajectory import Trajectory
@@ -25,10 +26,6 @@ ROUNDED = 0.02
 """Largest deviation of a quaternion's norm from 1 that is taken for rounding."""
 UNITS, TIME_UNITS = ("m", "cm", "mm", "um", "nm", "in"), ("s", "ms", "us", "ns")
 _EXACT = 1e-6
-TURN = 45.0
-"""Turn between neighbours from which the order of the quaternion is doubted [degrees]."""
-_FARTHEST, _FASTEST, _LONGEST_STEP = 3.0, 10.0, 0.5
-"""Places [m], speeds [m/s] and times between poses [s] beyond which a unit is doubted."""
 _EPOCH = 1e8
 """Times beyond it are since an epoch, in s, ms, us or ns by their size."""
 _LENGTH_WORD = re.compile(
@@ -130,7 +127,7 @@ def read_poses(
     seconds = _seconds(table, times, notes)
     _normalise(poses, notes)
     known = table.named or table.layout.turn != "quaternion"
-    notes += _doubts(seconds, poses, known)
+    notes += pose_doubts(seconds, poses, known)
     return Trajectory(seconds, poses, path.name, table.origins, tuple(notes))
 
 
@@ -175,46 +172,6 @@ def _normalise(poses: Array, notes: list[str]) -> None:
             f"{np.count_nonzero(rounded)} of {len(poses)} quaternions are rounded, their norm off "
             f"1 by up to {off[rounded].max():.2g}: normalised"
         )
-
-
-def _doubts(times: Array, poses: Array, named: bool) -> list[str]:
-    """Return notes that doubt the order or the units of poses."""
-    notes = []
-    turns = np.abs(np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:]))
-    angles = np.degrees(2.0 * np.arccos(np.clip(turns, 0.0, 1.0)))
-    if angles.size and np.nanmax(angles, initial=0.0) > TURN:
-        row = int(np.nanargmax(angles))
-        notes.append(
-            f"is the order of qw, qx, qy, qz right? The tool turns by {angles[row]:.0f} degrees "
-            f"from pose {row} to {row + 1} (more than {TURN:g}); order= changes it"
-        )
-    if not named:
-        tilts = [_tilt(poses[0, 3:], at) for at in (0, 3)]
-        if tilts[0] > 90.0 > 2.0 * tilts[1]:
-            notes.append(
-                "is the order x, y, z, w? The first pose is turned by "
-                f"{tilts[0]:.0f} degrees, with order='xyzw' by {tilts[1]:.0f}"
-            )
-    with np.errstate(all="ignore"):
-        far = float(np.abs(poses[:, :3]).max())
-        steps = np.diff(times)
-        speeds = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) / steps
-        fast = float(np.median(speeds)) if speeds.size else 0.0
-    if far > _FARTHEST or fast > _FASTEST:
-        notes.append(
-            f"are x, y, z in m? They reach {far:.4g} m, at {fast:.3g} m/s; unit= changes that"
-        )
-    if steps.size and float(np.median(steps)) > _LONGEST_STEP:
-        notes.append(
-            f"are the times in s? There are {np.median(steps):.4g} s between poses; time_unit= "
-            "changes that"
-        )
-    return notes
-
-
-def _tilt(quaternion: Array, scalar: int) -> float:
-    """Return the angle [degrees] of a quaternion whose scalar part is at a place."""
-    return float(np.degrees(2.0 * np.arccos(min(abs(float(quaternion[scalar])), 1.0))))
 
 
 def _no_names(path: Path, order: str | None, values: Array) -> tuple[Layout, tuple[str, ...]]:

@@ -22,6 +22,9 @@ from asperity.geometry.mesh.materials import MapImage, Material
 from asperity.geometry.mesh.ply import strip_triangles
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_REPEAT = 10497
+_BORDERS = {_REPEAT: "wrap", 33071: "clamp"}
+"""What a picture does beyond its edges, by OpenGL's numbers; 33648 mirrors it."""
 _PICTURES = (
     ("normal", ("normalTexture",)),
     ("colour", ("pbrMetallicRoughness", "baseColorTexture")),
@@ -199,17 +202,22 @@ class _Reader(GltfFile):
             return None
         image = self.item("images", source)
         scale = float(info.get("scale", 1.0))
+        sampler = self.item("samplers", texture["sampler"]) if "sampler" in texture else {}
+        wraps = [sampler.get(key, _REPEAT) for key in ("wrapS", "wrapT")]
+        border = _BORDERS.get(wraps[0], "other") if wraps[0] == wraps[1] else "other"
         if "bufferView" in image:
             data = self.view(image["bufferView"])[0]
         elif str(image.get("uri", "")).startswith("data:"):
             data = self.data(image["uri"])
         elif "uri" in image:
-            return MapImage(self.beside(image["uri"]), Path(image["uri"]).name, scale=scale)
+            return MapImage(
+                self.beside(image["uri"]), Path(image["uri"]).name, scale=scale, border=border
+            )
         else:
             return None
         suffix = next((s for magic, s in _KINDS.items() if data.startswith(magic)), ".png")
         name = Path(str(image.get("name") or f"image{source}")).stem + suffix
-        return MapImage(None, name, bytes(data), scale=scale)
+        return MapImage(None, name, bytes(data), scale=scale, border=border)
 
     def _texture_info(self, material: Any) -> dict[str, Any]:
         """Return the texture info of a material that lays its texture: of normals, else colours."""

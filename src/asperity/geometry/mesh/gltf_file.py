@@ -82,7 +82,8 @@ class GltfFile:
 
     def _check_version_and_extensions(self) -> None:
         asset = self.tree.get("asset")
-        version = str(asset.get("version", "")) if isinstance(asset, dict) else ""
+        asset = asset if isinstance(asset, dict) else {}
+        version = str(asset.get("minVersion", asset.get("version", "")))
         if version and not version.startswith("2."):
             raise AsperityError(
                 f"{self.path}: this is glTF {version[:20]}; valid: glTF 2.0, to which other "

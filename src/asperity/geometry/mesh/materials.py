@@ -38,6 +38,8 @@ class MapImage(NamedTuple):
         Height of black, likewise.
     scale : float
         By which slopes of a normal map are multiplied.
+    border : {"wrap", "clamp", "other"}
+        What it does beyond its edges; *other*: it is mirrored, or its axes differ.
     """
 
     path: Path | None
@@ -46,6 +48,7 @@ class MapImage(NamedTuple):
     height_range: float | None = None
     low: float = 0.0
     scale: float = 1.0
+    border: str = "wrap"
 
     @property
     def is_there(self) -> bool:
@@ -143,11 +146,12 @@ def _with_map(material: Material, kind: str, rest: str, library: Path) -> Materi
     """Return a material with the map that the rest of a line names, after its options."""
     words = rest.split()
     given: dict[str, list[float]] = {}
-    at = 0
+    at, clamped = 0, False
     while at < len(words) - 1 and words[at].startswith("-"):
         option = words[at].lower()
         at += 1
         if option in _WORDS:
+            clamped |= option == "-clamp" and words[at].lower() == "on"
             at += 1
         for _ in range(_NUMBERS.get(option, 0)):
             if at >= len(words) - 1 or not is_number(words[at]):
@@ -165,7 +169,8 @@ def _with_map(material: Material, kind: str, rest: str, library: Path) -> Materi
         options = behind.group().strip()
         before = f"{options} " if options.startswith("-") else ""
         return _with_map(material, kind, before + name[: behind.start()], library)
-    picture = MapImage(path, Path(name.replace("\\", "/")).name)
+    border = "clamp" if clamped else "wrap"
+    picture = MapImage(path, Path(name.replace("\\", "/")).name, border=border)
     if kind == "displacement" and len(given.get("-mm", [])) == 2:
         low, gain = given["-mm"]
         picture = picture._replace(height_range=gain, low=low)

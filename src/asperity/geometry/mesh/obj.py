@@ -52,6 +52,7 @@ def read_obj(path: Path) -> Contents:
         _numbers(path, key, rows[key], least, most, out)
         for key, least, most in (("v", 3, 3), ("vt", 1, 2), ("vn", 3, 3))
     )
+    _divide(path, v, rows["v"], out)
     out.unit = stated_unit("\n".join(line for line in rest if line.startswith("#"))[:20_000])
     counts = Counter(line.split(" ", 1)[0] for line in rest)
     out.notes += [
@@ -168,6 +169,27 @@ def _numbers(path: Path, key: str, rows: list[str], least: int, most: int, out: 
     return values if values.shape[1] == most else np.pad(values, ((0, 0), (0, 1)))
 
 
+def _divide(path: Path, v: Array, rows: list[str], out: Contents) -> None:
+    """Divide the vertices of rows of four numbers by the fourth, their weight w, in place.
+
+    Rows of six and seven numbers have colours, without a weight.
+    """
+    if len(" ".join(rows).split()) in (3 * len(rows), 6 * len(rows)):
+        return
+    words = [row.partition("#")[0].split() for row in rows]
+    at = [i for i, row in enumerate(words) if len(row) == 4]
+    w = _numbers(path, "w", [words[i][3] for i in at], 1, 1, out)[:, 0]
+    if not (np.isfinite(w) & (w != 0.0)).all():
+        wrong = at[int(np.argmin(np.isfinite(w) & (w != 0.0)))]
+        raise AsperityError(
+            f"{path}: v {wrong + 1} is {rows[wrong].strip()[:40]!r}; valid: a weight w other than 0"
+        )
+    if (w != 1.0).any():
+        v[at] /= w[:, None]
+        out.notes.append(f"{count_of(int(np.count_nonzero(w != 1.0)), 'vertex', 'vertices')} "
+                         "divided by a weight w")  # fmt: skip
+
+
 def _are_numbers(words: list[str]) -> bool:
     try:
         np.array(words, dtype=np.float64)
@@ -181,9 +203,15 @@ def _corners(
 ) -> Corners:
     """Return the polygons of a material as triangles."""
     indices, counts = _indices(path, found.lines)
+    before = found.seen
+    if counts.size and counts.min() < 3:
+        few = count_of(int(np.count_nonzero(counts < 3)), "polygon")
+        out_of_file.notes.append(f"{few} of fewer than three corners left out")
+        indices = indices[np.repeat(counts > 2, counts)]
+        before, counts = before[counts > 2], counts[counts > 2]
     written = indices
     if indices.size and indices.min() < 0:
-        seen = np.repeat(found.seen, counts, axis=0)
+        seen = np.repeat(before, counts, axis=0)
         indices = np.where(indices < 0, seen + indices + 1, indices)
     of_line = np.repeat(np.arange(len(counts)), counts)
     out: list[Indices | None] = []

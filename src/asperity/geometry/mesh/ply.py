@@ -24,8 +24,11 @@ _TYPES = {
 }  # fmt: skip
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _PICTURE = "comment texturefile "
-_FACES, _COORDINATES = ("vertex_indices", "vertex_index"), "texcoord"
-_AT_VERTICES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+_FACES = "vertex_indices", "vertex_index"
+_COORDINATES = "texcoord", "texcoords", "texture_coordinates", "uv"
+_AT_VERTICES = re.compile(r"((?:tex(?:ture)?|(?:tex(?:ture)?_?)?coords?|uv|map)?_?)([us])(_?\d?)")
+"""Name of the first texture coordinate of vertices: `s`, `u`, `texture_u`, `tex_u`, `s0`."""
+_SECOND = {"u": "v", "s": "t"}
 _MOST_HEAD = 100_000
 _LONGEST_WORD = 60
 """Of a number in a text."""
@@ -335,22 +338,31 @@ def read_ply(path: Path) -> Contents:
     normals = None
     if all(name in vertex for name in ("nx", "ny", "nz")):
         normals = positions(path, elements, ("nx", "ny", "nz"))[faces]
-    uv = _coordinates(face, vertex, lists, corner, faces)
+    uv = _coordinates(face, vertex, lists, corner, faces, out.notes)
     out.parts.append(FilePart(Corners(vertices, faces, uv, normals), 0 if named else -1))
     return out
 
 
 def _coordinates(
-    face: Columns, vertex: Columns, lists: Lists, corner: Indices | None, faces: Indices
-) -> Array | None:
+    face: Columns, vertex: Columns, lists: Lists, corner: Indices | None, faces: Indices,
+    notes: list[str],
+) -> Array | None:  # fmt: skip
     """Return the texture coordinates (m, 3, 2) of corners, of faces or else of vertices."""
-    there = face.get(_COORDINATES)
-    if isinstance(there, Lists) and (there.lengths == 2 * lists.lengths).all():
-        values = np.asarray(there.values, dtype=np.float64).reshape(-1, 2)
-        return values.reshape(-1, 3, 2) if corner is None else values[corner]
-    for names in _AT_VERTICES:
-        if all(name in vertex for name in names):
-            return _beside([vertex[name] for name in names])[faces]
+    there = next((face[name] for name in _COORDINATES if name in face), None)
+    if isinstance(there, Lists):
+        if (there.lengths == 2 * lists.lengths).all():
+            values = np.asarray(there.values, dtype=np.float64).reshape(-1, 2)
+            return values.reshape(-1, 3, 2) if corner is None else values[corner]
+        notes.append("texture coordinates of its faces are left out: some corners have none")
+    for name, values in vertex.items():
+        first = _AT_VERTICES.fullmatch(name.lower())
+        if first is None:
+            continue
+        prefix, letter, end = first.groups()
+        other = f"{prefix}{_SECOND[letter]}{end}"
+        second = next((vertex[key] for key in vertex if key.lower() == other), None)
+        if second is not None:
+            return _beside([values, second])[faces]
     return None
 
 

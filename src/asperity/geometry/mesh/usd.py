@@ -268,6 +268,9 @@ class _Reader:
         scale = shader.GetInput("scale")
         height = float(scale.Get()[0]) if scale and scale.Get() is not None else None
         height = height if kind == "displacement" else None
+        wraps = [found.Get() for key in ("wrapS", "wrapT") if (found := shader.GetInput(key))]
+        border = "wrap" if {*wraps} <= {"repeat", "useMetadata"} else "other"
+        border = "clamp" if wraps == ["clamp", "clamp"] else border
         coordinates = shader.GetInput("st")
         if coordinates and any(
             self.pxr.UsdShade.Shader(a.GetPrim()).GetIdAttr().Get() == "UsdTransform2d"
@@ -277,6 +280,6 @@ class _Reader:
         package, _, inner = asset.resolvedPath.partition("[")
         if inner:
             with zipfile.ZipFile(package) as archive:
-                return MapImage(None, name, archive.read(inner.rstrip("]")), height_range=height)
+                return MapImage(None, name, archive.read(inner.rstrip("]")), height, border=border)
         path = Path(asset.resolvedPath) if asset.resolvedPath else self.path.parent / name
-        return MapImage(path, name, height_range=height)
+        return MapImage(path, name, height_range=height, border=border)

@@ -43,7 +43,8 @@ def uv_notes(triangles: Array, uv: Array, at: Indices, edges: Edges) -> list[str
         count = count_of(flat.sum(), "triangle")
         notes.append(f"texture coordinates of {count} have no area: smooth there, {share(flat)}")
     if outside.any():
-        notes.append(f"texture coordinates leave 0..1 on {share(outside)}: the texture repeats")
+        beyond = "there the texture repeats, or is clamped"
+        notes.append(f"texture coordinates leave 0..1 on {share(outside)}: {beyond}")
     if not flat.all():
         twice_used = overlap(uv[~flat])
         if twice_used > 0.0:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from asperity._core.units import SHORT
+from asperity._core.units import SHORT, length_of
 from asperity.errors import SurfaceError
 from asperity.texture.files.stored import (
     MAX_SAMPLES,
@@ -26,6 +26,9 @@ ARRAY_SUFFIXES = (".npy", ".npz", ".csv", ".txt", ".tsv")
 GREY_LEVELS = "whole numbers are read as grey levels"
 """Note on arrays of integers."""
 _PIXEL_KEY = re.compile(r"pixel(_?size)?(_(nm|um|mm|m))?")
+_STEP_KEYS = tuple(re.compile(rf"d{axis}(_(nm|um|mm|m))?") for axis in "xy")
+_UNIT_KEYS = ("unit", "units", "height_unit", "height_units", "z_unit", "z_units", "unit_z")
+"""Names of an array of one text, the unit of the heights."""
 _HEIGHT_KEY = re.compile(r".+_(nm|um|mm|m)")
 _VALID = "valid: an array of numbers, saved by numpy.save or numpy.savez"
 
@@ -70,12 +73,39 @@ def load_npz(path: Path, array: str | None = None) -> Stored:
     if stored.scale is not None:
         said = f", in {stored.unit}" if stored.unit else ""
         stored = stored._replace(notes=(f"array {name!r}{said}", *stored.notes))
+    stored = _in_stated_unit(stored, arrays)
+    left = [key for key, values in arrays.items() if key != name and values.size > 2]
+    if left:
+        stored = stored._replace(
+            notes=(
+                *stored.notes,
+                f"arrays left out: {', '.join(left)[:80]}; nan marks what is missing",
+            )
+        )
+    steps = [next(filter(None, map(of.fullmatch, arrays)), None) for of in _STEP_KEYS]
+    if all(step and arrays[step.group()].size == 1 for step in steps):
+        pu, pv = (float(arrays[m.group()].flat[0]) * SHORT[m.group(2) or "m"] for m in steps if m)
+        return stored._replace(pixel_size=(pu, pv))
     for key, sizes in arrays.items():
         named = _PIXEL_KEY.fullmatch(key)
         if named and sizes.dtype.kind in "iuf" and sizes.size in (1, 2):
             pu, pv = np.broadcast_to(np.ravel(sizes), 2) * SHORT[named.group(3) or "m"]
             return stored._replace(pixel_size=(float(pu), float(pv)))
     return stored
+
+
+def _in_stated_unit(stored: Stored, arrays: dict[str, Any]) -> Stored:
+    """Return heights in the unit that an array of one text states, if their name states none."""
+    texts = (arrays[key] for key in _UNIT_KEYS if key in arrays)
+    said = next((str(text.flat[0]) for text in texts if text.dtype.kind == "U" and text.size), "")
+    if not said or stored.unit:
+        return stored
+    notes = tuple(note for note in stored.notes if note not in (NO_UNIT, GREY_LEVELS))
+    metres = length_of(said)
+    is_length = "as the file states" if metres else "which is no length"
+    return stored._replace(
+        notes=(*notes, f"heights in {said}, {is_length}"), scale=metres, unit=said, step=0.0
+    )
 
 
 def _choose_array(path: Path, arrays: dict[str, Any], array: str | None) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
 
 from asperity._core.arrays import Array
@@ -22,6 +25,9 @@ _FAR, _OFTEN_FAR = 10.0, 2.0
 _PLACES = np.arange(4000) * (0.5 * (np.sqrt(5.0) - 1.0)) % 1.0
 _FEW_PLACES = _PLACES[:40]
 """Places of a map, as parts of its length, that are looked at first."""
+_DEPTH = re.compile(
+    r"(?<![A-Za-z])(?:[Dd]epth|DEPTH|[Tt]iefe|[Pp]rofond\w+)(?![a-z])|(?<=[a-z])Depth(?![a-z])"
+)
 DOUBT = "is that plausible?"
 """How a note that doubts a scale begins."""
 _STEEPEST = 30.0
@@ -59,6 +65,18 @@ def doubts(heights: Array, pixel_size: tuple[float, float], relief: float) -> li
             "the heights' unit, or give unit or height_range"
         )
     return notes
+
+
+def depth_doubt(stem: str, notes: Sequence[str]) -> list[str]:
+    """Return a note if a file's name, or what a note quotes of it, calls the heights depths."""
+    quoted = (note for note in notes if "left out" not in note)
+    found = next(filter(None, map(_DEPTH.search, (stem, *quoted))), None)
+    if found is None:
+        return []
+    return [
+        f"is it a {found.group().lower()}, downwards? It is read as heights, upwards; invert=True "
+        "exchanges hills and valleys"
+    ]
 
 
 def _size(sides: list[float]) -> str:

@@ -20,11 +20,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.units import length_of
 from asperity.errors import SurfaceError
 from asperity.texture.files.colours import grey
 from asperity.texture.files.levels import smooth_levels as smooth_levels
 from asperity.texture.files.stored import MAX_SAMPLES, Stored, check_size
-from asperity.texture.files.tiff_scale import gdal_scale, tiff_pixel_size
+from asperity.texture.files.tiff_scale import gdal_scale, gdal_unit, tiff_pixel_size
 
 IMAGE_SUFFIXES = (
     ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".tga", ".dds", ".exr",
@@ -48,6 +49,9 @@ _ORIENTATION = 274
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PARK = 50432
 """Tag by which microscopes of Park Systems mark their files."""
+_SCREENS = (72.0, 90.0, 96.0, 100.0, 120.0, 144.0, 150.0, 180.0, 200.0, 240.0, 300.0, 350.0, 360.0,
+            400.0, 600.0)  # fmt: skip
+"""Dots per inch of screens and prints, which programs write without knowing."""
 _AS_STORED = ("L", "LA", "RGB", "RGBA", "I", "F")
 _PNG_COLOURS = {2: "RGB", 4: "LA", 6: "RGBA"}
 
@@ -64,6 +68,8 @@ class _Picture(NamedTuple):
     missing: NDArray[np.bool_] | None = None
     pixel_size: tuple[float, float] | None = None
     """As the file states it [m]"""
+    unit: str = ""
+    """Of its values, as the file states it."""
     preview: bool = False
     """Whether the heights stand elsewhere in the file."""
 
@@ -88,6 +94,13 @@ def read_image(path: Path, colour: str | None = None) -> Stored:
         raise PreviewOnlyError(path)
     stored = grey(path, np.flipud(picture.pixels), picture.notes, colour)
     stored = stored._replace(pixel_size=picture.pixel_size)
+    if picture.unit and colour is None:
+        metres = length_of(picture.unit)
+        said = "as the file states (GDAL)" if metres else "which is no length"
+        note = f"heights in {picture.unit}, {said}"
+        stored = stored._replace(
+            scale=metres, unit=picture.unit, notes=(*stored.notes, note), step=0.0
+        )
     if picture.missing is None:
         return stored
     with np.errstate(invalid="ignore"):  # NaN of any kind
@@ -108,6 +121,24 @@ def read_pixels(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
     """
     picture = _read(path)
     return picture.pixels, picture.notes
+
+
+def resolution(path: Path) -> tuple[float, float] | None:
+    """Return the pixel size [m] by the resolution that an image states, of a print or of a surface.
+
+    None for that of screens and usual prints, and for files without one.
+    """
+    if path.suffix.lower() not in IMAGE_SUFFIXES or path.suffix.lower() == ".exr":
+        return None
+    try:
+        with _opened(path) as image:
+            dots = [float(value) for value in image.info["dpi"]]
+        if all(any(abs(dot - usual) < 0.01 * usual for usual in _SCREENS) for dot in dots):
+            return None
+        pu, pv = (0.0254 / dot for dot in dots)
+    except Exception:  # no resolution, or one that is damaged, states nothing
+        return None
+    return pu, pv
 
 
 def _read(path: Path) -> _Picture:
@@ -245,6 +276,11 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
     notes: tuple[str, ...] = ()
     if len(file.pages) > 1:
         notes = (f"the first of {len(file.pages)} pictures in the file is read",)
+    if page.photometric in (8, 9, 10):
+        raise SurfaceError(
+            f"{path}: its colours are {page.photometric.name} (L*a*b*), whose lightness is no "
+            "height; valid: grey, or red, green and blue"
+        )
     if page.photometric == tifffile.PHOTOMETRIC.SEPARATED:  # inks: Pillow makes colours of them
         return _without_nodata(_read_pillow(path)._replace(pixel_size=tiff_pixel_size(file)), page)
     try:
@@ -275,6 +311,7 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
         note = f"values times {stated[0]:g} plus {stated[1]:g}, as the file states (GDAL)"
         values = picture.pixels.astype(np.float64) * stated[0] + stated[1]
         picture = picture._replace(pixels=values, notes=(*picture.notes, note))
+    picture = picture._replace(unit=gdal_unit(page) if pixels.ndim == 2 else "")
     if len(file.pages) > 1 and file.pages[1].is_mask and picture.missing is None:
         inside = file.pages[1].asarray()
         if inside.shape == pixels.shape[:2]:

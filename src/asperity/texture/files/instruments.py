@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import io
+import math
 import re
 import warnings
 import zipfile
@@ -13,6 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from asperity._core.arrays import Mask
 from asperity._core.units import length_of
 from asperity.errors import SurfaceError
 from asperity.texture.files.digital_surf import uncompressed
@@ -30,6 +32,7 @@ _UPWARDS = ("x3p", "sdf", "xyz", "nc", "h5", "mat")
 """Formats whose rows go upwards, by their norms or as arrays do; others are as seen, from the top:
 the reader has them such that rows from the top show what the instrument's program does."""
 _DIGITAL_SURF = (".sur", ".pro")
+_TURNED = "its Rotation, of the scan in a larger frame, is left out"
 _REVISION = "ISO5436 - 2000"
 
 
@@ -45,8 +48,10 @@ def load_instrument(path: Path) -> Stored:
         )
     suffix = path.suffix.lower()
     source: Any = str(path)
+    valid = b""
+    notes: tuple[str, ...] = ()
     if suffix == ".x3p":
-        source = _standard_x3p(path)
+        source, valid, notes = _standard_x3p(path)
     elif suffix in _DIGITAL_SURF:
         source = uncompressed(path) or source
     elif suffix == ".sdf" and (head := path.read_bytes()[1:4]) == b"BCR":
@@ -55,7 +60,19 @@ def load_instrument(path: Path) -> Stored:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with _opened(path, source, surfaces) as reader:
-            return _channel(path, reader)
+            stored = _channel(path, reader)
+    if valid:
+        stored.values[~_bits(path, valid, stored.values.shape)] = np.nan
+    return stored._replace(notes=(*stored.notes, *notes))
+
+
+def _bits(path: Path, data: bytes, shape: tuple[int, ...]) -> Mask:
+    """Return which points are valid, of a bit each, the lowest first (ISO 25178-72)."""
+    bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder="little")
+    count = math.prod(shape)
+    if not count <= bits.size < count + 64:
+        refuse(path, f"its valid points are {bits.size} bits; valid: {count}, one a point")
+    return bits[:count].reshape(shape).astype(bool)
 
 
 def _opened(path: Path, source: Any, surfaces: Any) -> Any:
@@ -120,8 +137,10 @@ def _channel(path: Path, reader: Any) -> Stored:
     return Stored(values, notes, pixel_size, scale, unit or "")
 
 
-def _standard_x3p(path: Path) -> io.BytesIO:
-    """Return an X3P file as SurfaceTopography reads it, its heights in a binary file.
+def _standard_x3p(path: Path) -> tuple[io.BytesIO, bytes, tuple[str, ...]]:
+    """Return an X3P file as SurfaceTopography reads it, which of its points are valid, and notes.
+
+    Its heights are in a binary file then; without bits of valid points those are b"".
 
     Forensic programs put everything in a folder, write an en dash, leave the offset empty, or
     link with backslashes; and the norm lets heights stand in the XML itself.
@@ -137,6 +156,13 @@ def _standard_x3p(path: Path) -> io.BytesIO:
             main = min((n for n in members if n.split("/")[-1].lower() == "main.xml"), key=len)
             folder = main[: -len("main.xml")]
             root = ElementTree.fromstring(archive.read(members[main]))
+            mask = (root.findtext(".//{*}ValidPointsLink") or "").strip().replace("\\", "/")
+            mask = mask.lstrip("./")
+            valid = (
+                archive.read(members.get(folder + mask, members.get(mask, mask))) if mask else b""
+            )
+            turned = root.find(".//{*}Rotation")
+            notes = () if turned is None or _is_identity(turned) else (_TURNED,)
             link = _tidied_x3p(path, root)
             if link is None:
                 data, points = "bindata/data.bin", _listed(root)
@@ -157,7 +183,12 @@ def _standard_x3p(path: Path) -> io.BytesIO:
         archive.writestr("main.xml", ElementTree.tostring(root, encoding="utf-8"))
         archive.writestr(data, points)
     out.seek(0)
-    return out
+    return out, valid, notes
+
+
+def _is_identity(rotation: ElementTree.Element) -> bool:
+    values = [float(element.text or "nan") for element in rotation]
+    return len(values) == 9 and bool(np.allclose(np.reshape(values, (3, 3)), np.eye(3)))
 
 
 def _listed(root: ElementTree.Element) -> bytes:

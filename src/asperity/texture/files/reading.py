@@ -24,9 +24,14 @@ from asperity._core.units import SHORT
 from asperity.errors import SurfaceError, require_choice
 from asperity.texture.files.arrays import ARRAY_SUFFIXES, load_npy, load_npz
 from asperity.texture.files.colours import COLOURS
-from asperity.texture.files.doubts import doubts, sentinel_note
+from asperity.texture.files.doubts import depth_doubt, doubts, sentinel_note
 from asperity.texture.files.gwyddion_field import load_field
-from asperity.texture.files.images import IMAGE_SUFFIXES, PreviewOnlyError, read_image
+from asperity.texture.files.images import (
+    IMAGE_SUFFIXES,
+    PreviewOnlyError,
+    read_image,
+    resolution,
+)
 from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES, load_instrument
 from asperity.texture.files.levels import smooth_levels
 from asperity.texture.files.nanonis import load_scan
@@ -169,6 +174,8 @@ def read_heights(
     if not (math.isfinite(low) and math.isfinite(high)):
         values = _without_missing(path, values, missing, notes)
         low, high = float(values.min()), float(values.max())
+    if not invert:
+        notes += depth_doubt(path.stem, notes)
     values, scale = _scaled(values, stored, (low, high), height_range, invert, quantised, notes)
     notes += doubts(values, size, scale * (high - low))
     return Heights(values, size[0] if _is_square(size) else size, tuple(notes))
@@ -313,7 +320,12 @@ def _pixel_size(
     if height_range is None and stored.scale is None:
         wanted.append("height_range [m], lowest to highest")
     if wanted:
-        refuse(path, f"the file does not hold its scale; choose a value for {' and '.join(wanted)}")
+        dots = resolution(path) if given is None and own is None else None
+        hint = (
+            "" if dots is None else f"; its resolution, of a print or not, is {_um(dots)} a pixel"
+        )
+        choice = f"choose a value for {' and '.join(wanted)}{hint}"
+        refuse(path, f"the file does not hold its scale; {choice}")
     if own is not None and not all(math.isfinite(side) and side > 0.0 for side in own):
         refuse(path, f"the file's pixel size is {list(own)}; valid: above 0 [m]")
     if height_range is not None:
@@ -322,6 +334,9 @@ def _pixel_size(
         assert own is not None
         notes.append(f"pixel size {_um(own)}, from the file")
         return own
+    dots = None if own is not None else resolution(path)
+    if dots is not None and not np.allclose(given, dots, rtol=0.01, atol=0.0):
+        notes.append(f"its resolution, of a print or not, is {_um(dots)} a pixel")
     if own is not None and not np.allclose(given, own, rtol=1e-6, atol=0.0):
         notes.append(f"pixel size {_um(given)}, as given; the file has {_um(own)}")
     return given

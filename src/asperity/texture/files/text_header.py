@@ -52,8 +52,29 @@ _GRID = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "
 """Labels of ESRI's ASCII grid."""
 _POWER = re.compile(r"(?:([\d.]+)\s*[×x*·]\s*)?\b10(?:<sup>|\^)([+-]?\d+)(?:</sup>)?\s*")
 """Powers of ten, as Gwyddion writes them."""
-_STEP = re.compile(r"pitch|step|spacing|sampling|resolution|pixel|increment|interval|distance")
+_STEP = re.compile(
+    r"pitch|step|spacing|sampling|resolution|auflösung|résolution|pixel|increment|interval|distance"
+    r"|\bpas\b|schritt|abstand|krok|passo|\bpaso\b|шаг|intervall|rozestup|afstand|adım"
+)
 """Words of labels of lengths that are not those of the whole map."""
+_ELSEWHERE = re.compile(
+    r"offset|origin|stage|position|cent(?:re|er)|start|shift|versatz|décalage|radius|\btip\b|diameter"
+    r"|wavelength|working|cut.?off|vertical"
+)
+"""Words of labels of lengths that are no size of the map."""
+_NO_LENGTHS = frozenset(
+    {"v", "mv", "µv", "uv", "a", "ma", "µa", "na", "pa", "n", "mn", "µn", "nn", "deg", "°", "rad",
+     "mrad", "hz", "khz", "px", "pixel", "pixels", "count", "counts", "levels", "a.u.", "au", "%",
+     "db", "s", "ms", "kpa", "mpa", "gpa", "w"}
+)  # fmt: skip
+"""Units that are no lengths, in lower case."""
+_SAMPLE = re.compile(r"p(?:i?x|oint|ts?\b)|sample|step|bildpunkt|punkt", re.IGNORECASE)
+"""What a length may be per, and still is one: `10 µm/px`."""
+_UNIT_BEHIND = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\W*$")
+_AXIS = re.compile(r"(?<![^\W\d_])([xy])(?![^\W\d_])")
+"""The axis in a label: with a word of `_STEP` it is that of a pixel."""
+_COUNTS = {"ncols": 1, "nrows": 0, "x-pixels": 1, "y-pixels": 0}
+"""Labels of numbers of columns (1) and rows (0)."""
 _PICTURE = {"horizontal", "vertical", "vertikal", "horizontale", "verticale", "水平", "垂直"}
 """Labels of Keyence's numbers of samples."""
 _PAIR = re.compile(r"\s*([^:=\t,;]+?)\s*[:=\t,;]\s*(.+?)\s*$")
@@ -78,6 +99,8 @@ class Header(NamedTuple):
     picture: bool = False
     """Whether the first row is the top of a picture or map."""
     notes: tuple[str, ...] = ()
+    shape: tuple[int, int] | None = None
+    """Rows and columns."""
 
 
 def read_header(lines: Sequence[str], names: Sequence[str] | None, columns: int) -> Header:
@@ -107,6 +130,7 @@ def read_header(lines: Sequence[str], names: Sequence[str] | None, columns: int)
     return Header(
         width, height, None if pair[0] is None else pair, unit, scale, found.get("nodata"),  # type: ignore[arg-type]
         {"width", "height"} <= {*found} or len(lengths) == 2 or "grid" in found, tuple(notes),
+        (int(found["rows"]), int(found["columns"])) if {"rows", "columns"} <= {*found} else None,
     )  # fmt: skip
 
 
@@ -127,7 +151,9 @@ def _findings(
                 units = (text.strip("[]() "), length_of(text.strip("[]() ")))
             continue
         number = float(value.group(1).replace(",", "."))
-        word = (value.group(2) or "").split("/")[0].strip("[]() ")
+        word, _, each = (value.group(2) or "").strip("[]() ").partition("/")
+        if each and not _SAMPLE.match(each.strip()):
+            continue  # a speed
         named = named_unit(label, LENGTHS)
         metres = length_of(word) if word else (named[1] if named else None)
         if meaning == "unit" and metres is not None:
@@ -135,6 +161,11 @@ def _findings(
             continue
         if bare in _GRID or bare in _PICTURE:
             found["grid"] = 1.0
+        if bare in _COUNTS and 0.0 < number < 1e6:
+            found[("rows", "columns")[_COUNTS[bare]]] = number
+        axes = {*_AXIS.findall(bare)}
+        if meaning is None and metres is not None and _STEP.search(bare) and len(axes) == 1:
+            meaning = f"pixel_{axes.pop()}"
         if meaning in ("nodata", "factor"):
             found[meaning] = number
         elif meaning == "bit":  # SPIP: lengths without a unit are nm
@@ -144,7 +175,7 @@ def _findings(
             if metres is not None or bare in ("cellsize", "dx", "dy"):
                 found.setdefault(meaning, number * (metres or 1.0))
         elif metres is not None and number > 0.0:
-            if meaning or not _STEP.search(bare):
+            if meaning or not (_STEP.search(bare) or _ELSEWHERE.search(bare)):
                 lengths.append((label, number * metres))
             if meaning in ("width", "height"):
                 found.setdefault(meaning, number * metres)
@@ -171,4 +202,7 @@ def _heading(
     if named is None and names:
         units = {named_unit(name, LENGTHS) for name in names}
         named = units.pop() if len(units) == 1 else None
+    behind = _UNIT_BEHIND.search(lines[-1])
+    if named is None and behind and behind.group(1).casefold() in _NO_LENGTHS:
+        return behind.group(1), None
     return named or (None, None)

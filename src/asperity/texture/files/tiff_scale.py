@@ -64,6 +64,16 @@ def _geotiff(file: Any) -> tuple[float, float] | None:
     return float(scale.value[0]), float(scale.value[1])
 
 
+def gdal_unit(page: Any) -> str:
+    """Return the unit of the first channel's values as GDAL states it, "" if it states none."""
+    tag = page.tags.get(_GDAL)
+    if tag is None:
+        return ""
+    text = tag.value.decode("utf-8", "replace") if isinstance(tag.value, bytes) else str(tag.value)
+    found = re.search(r"<Item\b[^>]*name=\"UNITTYPE\"[^>]*>([^<]+)</Item>", text)
+    return found.group(1).strip() if found else ""
+
+
 def gdal_scale(page: Any) -> tuple[float, float] | None:
     """Return factor and offset of the first channel's values as GDAL states them, else None."""
     tag = page.tags.get(_GDAL)

@@ -1,0 +1,79 @@
+"""What is doubted of the poses of a file: order, units, leaps, gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from asperity._core.arrays import Array
+
+TURN = 45.0
+"""Turn between neighbours from which the order of the quaternion is doubted [degrees]."""
+_FARTHEST, _FASTEST, _LONGEST_STEP = 3.0, 10.0, 0.5
+"""Places [m], speeds [m/s] and times between poses [s] beyond which a unit is doubted."""
+
+
+def pose_doubts(times: Array, poses: Array, named: bool) -> list[str]:
+    """Return notes that doubt the order or the units of poses, or that they hang together.
+
+    Parameters
+    ----------
+    times : (n,) array
+        [s]
+    poses : (n, 7) array
+    named : bool
+        Whether names state the order of the quaternion.
+    """
+    notes = []
+    turns = np.abs(np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:]))
+    angles = np.degrees(2.0 * np.arccos(np.clip(turns, 0.0, 1.0)))
+    if angles.size and np.nanmax(angles, initial=0.0) > TURN:
+        row = int(np.nanargmax(angles))
+        notes.append(
+            f"is the order of qw, qx, qy, qz right? The tool turns by {angles[row]:.0f} degrees "
+            f"from pose {row} to {row + 1} (more than {TURN:g}); order= changes it"
+        )
+    if not named:
+        tilts = [_tilt(poses[0, 3:], at) for at in (0, 3)]
+        if tilts[0] > 90.0 > 2.0 * tilts[1]:
+            notes.append(
+                "is the order x, y, z, w? The first pose is turned by "
+                f"{tilts[0]:.0f} degrees, with order='xyzw' by {tilts[1]:.0f}"
+            )
+    with np.errstate(all="ignore"):
+        far = float(np.abs(poses[:, :3]).max())
+        steps = np.diff(times)
+        speeds = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) / steps
+        fast = float(np.median(speeds)) if speeds.size else 0.0
+    if far > _FARTHEST or fast > _FASTEST:
+        notes.append(
+            f"are x, y, z in m? They reach {far:.4g} m, at {fast:.3g} m/s; unit= changes that"
+        )
+    elif speeds.size and float(np.nanmax(speeds, initial=0.0)) > _FASTEST:
+        row = int(np.nanargmax(speeds))
+        leap = 1e3 * float(np.linalg.norm(poses[row + 1, :3] - poses[row, :3]))
+        notes.append(
+            f"was tracking lost? The tool leaps by {leap:.4g} mm from pose {row + 1} to {row + 2}, "
+            f"at {speeds[row]:.3g} m/s"
+        )
+    lost = (poses[:, :3] == 0.0).all(axis=1) & (np.abs(poses[:, 3]) == 1.0)
+    lost[: int(np.argmin(lost))] = False  # a motion may begin there
+    if 0 < np.count_nonzero(lost) < 0.5 * len(poses):
+        notes.append(
+            f"was tracking lost? {np.count_nonzero(lost)} of {len(poses)} poses are at 0, 0, 0 "
+            f"without a turn, the first is pose {int(np.argmax(lost)) + 1}: leave them out, if so"
+        )
+    if steps.size and float(np.median(steps)) > _LONGEST_STEP:
+        notes.append(
+            f"are the times in s? There are {np.median(steps):.4g} s between poses; time_unit= "
+            "changes that"
+        )
+    elif steps.size and float(np.nanmax(steps, initial=0.0)) > _LONGEST_STEP:
+        row = int(np.nanargmax(steps))
+        notes.append(f"there are {steps[row]:.4g} s without a pose behind pose {row + 1}: the path "
+                     "across is that of the neighbours")  # fmt: skip
+    return notes
+
+
+def _tilt(quaternion: Array, scalar: int) -> float:
+    """Return the angle [degrees] of a quaternion whose scalar part is at a place."""
+    return float(np.degrees(2.0 * np.arccos(min(abs(float(quaternion[scalar])), 1.0))))
