@@ -18,7 +18,6 @@ from asperity.contact.manifold.geom_manifold import (
 )
 from asperity.contact.manifold.separation import (
     ABOUT,
-    ALONG,
     FACE_A,
     FACE_B,
     FARTHEST,
@@ -109,7 +108,7 @@ def _is_stood_for(memory, first, i, least):
         other = memory.separations[j]
         is_near = other.gap - other.rough <= ABOUT * least
         is_deep = other.kind < found.kind and other.depth > 0.0
-        if is_deep and is_near and cosine(other, found) >= ALONG:
+        if is_deep and is_near and cosine(other, found) >= found.aligned:
             return True
     return False
 
@@ -122,7 +121,7 @@ def _search_part(model, parameters, grid, first, past, centre, memory, workspace
     """
     rows, least = memory.separations, np.inf
     if past == first + 1:
-        _search(model, parameters, grid, first, 0.0, centre, memory, workspace)
+        _search(model, parameters, grid, first, rows[first].reach, centre, memory, workspace)
         return rows[first].depth > 0.0
     for i in range(first, past):
         rows[i].depth = np.nan
