@@ -237,14 +237,30 @@ def _is_needless(table, query, count, d, space):
     """Return whether the tool leaves all by another direction, which `d` does not replace.
 
     Then each choice that has `d` has to leave that one too, and counts for nothing
-    (`response.mesh_way_out`).
+    (`response.mesh_way_out`); if no other direction replaces a part of it either.
     """
     for c in range(DIRECTIONS):
         if space.directions[c].patches > 0 and _frees_all(table, query, count, c, space):
             _know(table, query, count, d, space)
-            if space.residuals.value[c, d] == 1.0:
+            if space.residuals.value[c, d] == 1.0 and _is_kept(table, query, count, c, space):
                 return True
     return False
+
+
+@inner_kernel
+def _is_kept(table, query, count, c, space):
+    """Return whether all of direction `c` remains by whichever other one the tool may leave."""
+    for e in range(DIRECTIONS):
+        direction = space.directions[e]
+        is_out = direction.visited == 1 and direction.patches == 0
+        if e == c or space.region.sums[e].volume == 0.0 or is_out:
+            continue
+        if direction.known == 0:
+            fill_mean_normal(table, count, e, space.region, direction.normal)
+            _know(table, query, count, e, space)
+        if space.residuals.value[c, e] < 1.0:
+            return False
+    return True
 
 
 @inner_kernel
