@@ -51,7 +51,7 @@ def integrate_regions(table, query, count, thin, region):
     count : int
         Number of pairs of facets that are listed.
     thin : float
-        Pieces that overlap by more than this all over may lie across a cavity [m].
+        Pieces that overlap by more than this may lie across a cavity [m].
     region : OverlapRegion
     """
     sums, limit, reach, kept = region.sums, query.limit, query.raised, 0
@@ -64,7 +64,7 @@ def integrate_regions(table, query, count, thin, region):
         if piece[1] < 0:
             continue
         is_piece = piece[1] >= 3
-        is_deep = is_piece and _is_deep(region, piece, thin)
+        is_deep = is_piece and deepest_corner(region, piece)[0] > thin
         if is_deep and is_across_cavity(table, f, g, piece, query, region):
             continue
         region.facets.pairs[kept, 0], region.facets.pairs[kept, 1] = f, g
@@ -87,15 +87,6 @@ def integrate_regions(table, query, count, thin, region):
             if deepest > sums[d].deepest:
                 _note_deepest(table, (f, g), piece, corner, region, sums[d])
     return kept
-
-
-@inner_kernel
-def _is_deep(region, piece, depth):
-    """Return whether a piece overlaps by more than `depth` [m] everywhere."""
-    least = np.inf
-    for i in range(piece[1]):
-        least = min(least, region.polygon[piece[0], i, 2])
-    return least > depth
 
 
 @inner_kernel
