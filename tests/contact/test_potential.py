@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -352,3 +353,19 @@ def test_spikes_beside_an_edge_have_one_energy(name, tmp_path):
     print(f"{name}: {np.abs(missing).max() / usual:.2f} of k s times a step is no work")
     assert energies.max() > 0.5 * K * 1e-4**2
     assert np.abs(missing).max() < 1.5 * usual  # kinks; leaps were 5 to 10
+
+
+def test_the_middle_of_flat_contact_is_that_of_its_area():
+    """A flat foot that a seam between bodies cuts unevenly: torque and all as on one plate."""
+    foot = '<geom type="box" size="0.002 0.0015 0.001"/>'
+    whole = solver(box(0, 0, -2e-3, (12e-3, 8e-3, 2e-3)), foot)
+    seams = (-12e-3, -1e-3, 3e-3, 12e-3)
+    parts = [box(0.5 * (a + b), 0, -2e-3, (0.5 * (b - a), 8e-3, 2e-3), f"p{i}")
+             for i, (a, b) in enumerate(itertools.pairwise(seams))]  # fmt: skip
+    cut = solver("".join(parts), foot)
+    for yaw in (0.0, 0.3, 1.1):
+        for x in np.linspace(-4e-3, 5e-3, 19):
+            at = np.array([x, 1.3e-3, 1e-3 - 1e-4]), Rotation.from_rotvec([0, 0, yaw])
+            one, several = wrench(whole, *at), wrench(cut, *at)
+            assert several[:3] == pytest.approx(one[:3], abs=1e-9)
+            assert several[3:] == pytest.approx(one[3:], abs=1e-9)

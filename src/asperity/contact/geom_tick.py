@@ -158,13 +158,17 @@ def _merge_bodies(memory, kept, i):
         ahead = result.depth * found.scale - other.depth * rows[j].scale
         is_same = rows[j].scale == found.scale and rows[j].friction == found.friction
         if abs(ahead) <= TIE and is_same:
-            share = result.ties / (result.ties + other.ties)
+            one, two = other.area, result.area
+            if one + two == 0.0:
+                one, two = float(other.ties), float(result.ties)
+            share = two / (one + two)
             for k in range(3):
                 other.point[k] += share * (result.point[k] - other.point[k])
                 other.slope_normal[k] += share * (result.slope_normal[k] - other.slope_normal[k])
                 other.moment[k] += share * (result.moment[k] - other.moment[k])
             other.friction += share * (result.friction - other.friction)
             other.ties += result.ties
+            other.area += result.area
         elif ahead > 0.0:
             part = rows[j].part
             copy_record(rows[j], found)
