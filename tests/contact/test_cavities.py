@@ -5,6 +5,7 @@ import pytest
 from naive_engine import pose, turn, waves
 
 from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.mesh.mesh import mesh_from_arrays
 from contact.naive_meshes import (
     STIFFNESS,
     ball_mesh,
@@ -156,3 +157,34 @@ def test_in_the_mouth_of_a_hook_that_mujoco_fills():
         engine.reset()
         up = touch(engine, pose(5e-3, 0, -3e-3 + depth))
         assert up.wrench[2] == pytest.approx(-STIFFNESS * depth)
+
+
+def torus(radius, thick, around, across):
+    """Return a torus of triangles round z, and the corners of its convex pieces."""
+    u, v = np.meshgrid(*(np.arange(n) * 2.0 * np.pi / n for n in (around, across)), indexing="ij")
+    far = radius + thick * np.cos(v)
+    corners = np.stack([far * np.cos(u), far * np.sin(u), thick * np.sin(v)], axis=-1)
+    i, j = (index.ravel() for index in np.indices((around, across)))
+    a, b = i * across + j, (i + 1) % around * across + j
+    c, d = (i + 1) % around * across + (j + 1) % across, i * across + (j + 1) % across
+    faces = np.concatenate([np.column_stack([a, b, d]), np.column_stack([d, b, c])])
+    mesh = mesh_from_arrays(corners.reshape(-1, 3), faces, hard_angle=44.0)
+    return mesh, [np.concatenate([corners[k - 1], corners[k]]) for k in range(around)]
+
+
+def test_a_sharp_edge_beside_a_ring_is_not_behind_it():
+    """A tetrahedron's edge over a torus, a hair apart: the far flank lies behind its faces.
+
+    A facet of it is less deep behind the one end of a face than counts as deep, and far deeper
+    behind the other.
+    """
+    corners = 2e-3 * np.array([(1.0, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
+    sides = [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
+    tool = thing("tool", mesh_from_arrays(corners, sides, hard_angle=20.0))
+    mesh, pieces = torus(6e-3, 2e-3, 24, 12)
+    engine = engine_of(tool, thing("plate", mesh, pieces=pieces))
+    at = np.array([-0.006104824, 0.003715118, 0.003351773,
+                   -0.74964277, -0.15120122, 0.61224678, -0.20081781])  # fmt: skip
+    for up in (0.0, 1e-6, 1e-5, 1e-4):
+        engine.reset()
+        assert not engine.wrench(at + np.array([0, 0, up, 0, 0, 0, 0]), 0.0).any()

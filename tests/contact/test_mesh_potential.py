@@ -95,6 +95,34 @@ def test_the_wrench_is_the_gradient_of_the_energy(name):
     assert np.quantile(errors, 0.9) < 1e-6
 
 
+def test_the_last_of_a_direction_goes_without_a_leap():
+    """A prism on the edges of a cone: one of three directions vanishes between two others.
+
+    Its residual goes to nothing, and the way out leapt by a hundredth where it did.
+    """
+    turn = np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
+    base = 6e-3 * np.column_stack([np.cos(turn), np.sin(turn), -np.ones(12)])
+    ring = 2e-3 * np.column_stack([np.cos(turn[::2]), np.sin(turn[::2]), np.ones(6)])
+    corners = np.vstack([ring, ring * [1, 1, -1]])
+    engine = engine_of(
+        thing("tool", hull_mesh(corners)),
+        thing("plate", hull_mesh(np.vstack([base, [0, 0, 6e-3]]))),
+    )
+    at = np.array([2.67932e-3, -2.23985e-3, 2.7708e-3, -0.790698, 0.548132, 0.038918, -0.269875])
+    at[3:] /= np.linalg.norm(at[3:])
+    way = np.array([0.484, -0.854, 0.191, 0.0, 0.0, 0.0])
+    ways = []
+    for s in np.arange(-14e-6, -6e-6, 5e-8):
+        first_pose(engine, turned(at, s * way))
+        ways.append(math.sqrt(2.0 * engine.energy / STIFFNESS))
+    assert min(ways) > 9e-4
+    assert np.abs(np.diff(ways)).max() < 2e-7
+    errors = [
+        gradient_error(engine, turned(at, s * way))[0] for s in (-9e-6, -8e-6, -4e-6, 0, 9e-6)
+    ]
+    assert max(errors) < 1e-6
+
+
 def hull_mesh(points):
     """Return the convex hull of points as a mesh."""
     hull = ConvexHull(points)

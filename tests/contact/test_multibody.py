@@ -199,6 +199,8 @@ def test_poses_that_cannot_be_are_refused():
     solver = MultibodySolver(model, bodies, SETTINGS)
     with pytest.raises(AsperityError, match="2 rows of 7"):
         solver.solve(np.zeros(7), 1e-3)
+    with pytest.raises(AsperityError, match="not all 0"):
+        solver.solve(np.zeros((2, 7)), 1e-3)
     two = '<body name="foot" pos="0 0 -0.02"><geom type="box" size="0.01 0.01 0.002"/></body>'
     text = xml_of(
         '<geom type="sphere" size="0.002"/>', '<geom type="box" size="0.02 0.02 0.01"/>' + two, FREE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -311,3 +312,60 @@ def test_a_part_whose_one_way_out_leads_far_still_counts():
     sizes = np.linalg.norm(forces, axis=1)
     assert sizes.min() > 0.5 * K * 7e-5
     assert np.abs(np.diff(forces, axis=0)).max() < 0.02 * sizes.max()
+
+
+BALL, FOOT = '<geom type="sphere" size="0.0015"/>', '<geom type="box" size="0.002 0.002 0.001"/>'
+RIMS = {
+    "a ball over a rim": (
+        '<geom type="box" size="0.004 0.004 0.004"/>', BALL,
+        (3.5e-3, 1e-3, 5.45e-3), (5.2e-3, 1.3e-3, 5.3e-3),
+    ),
+    "a ball down a rim": (
+        '<geom type="box" size="0.004 0.004 0.004"/>', BALL,
+        (3.8e-3, 6e-4, 5.43e-3), (5.6e-3, 1.1e-3, 4.6e-3),
+    ),
+    "the edge of a foot on a ball": (
+        '<geom type="sphere" size="0.006"/>', FOOT, (0.0, 0.0, 6.98e-3), (3.2e-3, 4e-4, 6.7e-3),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RIMS)
+def test_spikes_beside_an_edge_have_one_energy(name, tmp_path):
+    """Spikes of a pixel, 0.1 mm high, are far deeper along one normal than along the next.
+
+    No way out may come or go with the directions that are searched: the energy leapt by a third.
+    """
+    body, tool, begin, end = RIMS[name]
+    heights = np.zeros((64, 64))
+    heights[::4, ::4] = 1e-4
+    np.save(tmp_path / "spikes.npy", heights)
+    texture = {"file": str(tmp_path / "spikes.npy"), "size": [8e-3, 8e-3],
+               "mapping": "triplanar", "border": "wrap"}  # fmt: skip
+    engine = solver(f'<body name="plate">{body}</body>', tool, texture)
+    turn = Rotation.from_rotvec((0.05, 0.03, 0.2) if tool is FOOT else (0, 0, 0))
+    path = np.linspace(begin, end, 300)
+    forces = np.array([wrench(engine, place, turn)[:3] for place in path])
+    energies = np.array([energy(engine, place, turn) for place in path])
+    moved_by = np.diff(path, axis=0)
+    missing = np.diff(energies) + (0.5 * (forces[1:] + forces[:-1]) * moved_by).sum(1)
+    usual = np.sqrt(2.0 * K * energies.max()) * np.linalg.norm(moved_by[0])
+    print(f"{name}: {np.abs(missing).max() / usual:.2f} of k s times a step is no work")
+    assert energies.max() > 0.5 * K * 1e-4**2
+    assert np.abs(missing).max() < 1.5 * usual  # kinks; leaps were 5 to 10
+
+
+def test_the_middle_of_flat_contact_is_that_of_its_area():
+    """A flat foot that a seam between bodies cuts unevenly: torque and all as on one plate."""
+    foot = '<geom type="box" size="0.002 0.0015 0.001"/>'
+    whole = solver(box(0, 0, -2e-3, (12e-3, 8e-3, 2e-3)), foot)
+    seams = (-12e-3, -1e-3, 3e-3, 12e-3)
+    parts = [box(0.5 * (a + b), 0, -2e-3, (0.5 * (b - a), 8e-3, 2e-3), f"p{i}")
+             for i, (a, b) in enumerate(itertools.pairwise(seams))]  # fmt: skip
+    cut = solver("".join(parts), foot)
+    for yaw in (0.0, 0.3, 1.1):
+        for x in np.linspace(-4e-3, 5e-3, 19):
+            at = np.array([x, 1.3e-3, 1e-3 - 1e-4]), Rotation.from_rotvec([0, 0, yaw])
+            one, several = wrench(whole, *at), wrench(cut, *at)
+            assert several[:3] == pytest.approx(one[:3], abs=1e-9)
+            assert several[3:] == pytest.approx(one[3:], abs=1e-9)

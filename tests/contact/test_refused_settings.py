@@ -254,6 +254,28 @@ def test_an_engine_needs_the_bodies_of_its_model():
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("wrong", ["nan", "inf", "short", "no turn"])
+def test_a_pose_that_is_none_is_refused(wrong):
+    """It felt nothing, in silence."""
+    xml = (
+        '<mujoco><worldbody><body name="plate"><geom type="box" size="1 1 1"/></body>'
+        '<body name="tool"><freejoint/><geom size="0.1"/></body></worldbody></mujoco>'
+    )
+    bodies = [Body("plate", [Geom("box", (1, 1, 1))]), Body("tool", [Geom("sphere", (0.1,))])]
+    engine = ContactSolver(mujoco.MjModel.from_xml_string(xml), bodies, "tool")
+    at = np.array(pose(0, 0, 1.05))
+    if wrong == "short":
+        at, said = at[:6], "7"
+    elif wrong == "no turn":
+        at[3:], said = 0.0, "norm"
+    else:
+        at[1], said = float(wrong), "finite"
+    refused(lambda: engine.wrench(at, 1e-3), "pose", said)
+    refused(lambda: engine.wrenches(at[None]), "poses", said)
+    refused(lambda: engine.wrench(pose(0, 0, 1.05), -1e-3), "dt", "-0.001")
+    refused(lambda: engine.wrench(pose(0, 0, 1.05), math.nan), "dt", "nan")
+
+
 def test_a_refusal_says_what_the_lowest_and_highest_are():
     """Every number of `ForceSettings` that is bounded names both ends."""
     for name in ANY_NUMBER:

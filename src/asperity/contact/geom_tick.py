@@ -18,7 +18,6 @@ from asperity.contact.manifold.geom_manifold import (
 )
 from asperity.contact.manifold.separation import (
     ABOUT,
-    ALONG,
     FACE_A,
     FACE_B,
     FARTHEST,
@@ -109,7 +108,7 @@ def _is_stood_for(memory, first, i, least):
         other = memory.separations[j]
         is_near = other.gap - other.rough <= ABOUT * least
         is_deep = other.kind < found.kind and other.depth > 0.0
-        if is_deep and is_near and cosine(other, found) >= ALONG:
+        if is_deep and is_near and cosine(other, found) >= found.aligned:
             return True
     return False
 
@@ -122,7 +121,7 @@ def _search_part(model, parameters, grid, first, past, centre, memory, workspace
     """
     rows, least = memory.separations, np.inf
     if past == first + 1:
-        _search(model, parameters, grid, first, 0.0, centre, memory, workspace)
+        _search(model, parameters, grid, first, rows[first].reach, centre, memory, workspace)
         return rows[first].depth > 0.0
     for i in range(first, past):
         rows[i].depth = np.nan
@@ -159,13 +158,17 @@ def _merge_bodies(memory, kept, i):
         ahead = result.depth * found.scale - other.depth * rows[j].scale
         is_same = rows[j].scale == found.scale and rows[j].friction == found.friction
         if abs(ahead) <= TIE and is_same:
-            share = result.ties / (result.ties + other.ties)
+            one, two = other.area, result.area
+            if one + two == 0.0:
+                one, two = float(other.ties), float(result.ties)
+            share = two / (one + two)
             for k in range(3):
                 other.point[k] += share * (result.point[k] - other.point[k])
                 other.slope_normal[k] += share * (result.slope_normal[k] - other.slope_normal[k])
                 other.moment[k] += share * (result.moment[k] - other.moment[k])
             other.friction += share * (result.friction - other.friction)
             other.ties += result.ties
+            other.area += result.area
         elif ahead > 0.0:
             part = rows[j].part
             copy_record(rows[j], found)

@@ -121,14 +121,15 @@ class MultibodySolver:
         Raises
         ------
         AsperityError
-            `poses` has another shape, or moves bodies against each other that no joint of the
-            model lets move.
+            `poses` has another shape, a number is not finite, a quaternion is zero, or it moves
+            bodies against each other that no joint of the model lets move.
         """
         given = np.asarray(poses, dtype=np.float64)
-        if given.shape != (len(self._names), 7) or not np.isfinite(given).all():
+        is_whole = given.shape == (len(self._names), 7) and bool(np.isfinite(given).all())
+        if not is_whole or not given[:, 3:].any(axis=1).all():
             raise AsperityError(
-                f"poses must be {len(self._names)} rows of 7 numbers, one a body "
-                f"({', '.join(self._names)}), got an array of shape {given.shape}"
+                f"poses must be {len(self._names)} rows of 7 finite numbers, one a body "
+                f"({', '.join(self._names)}), the last four not all 0, got {given.tolist()}"
             )
         frames = np.empty((len(given), 3, 4))
         frames[:, :, :3] = [rotation_of(q / np.linalg.norm(q)) for q in given[:, 3:]]

@@ -143,6 +143,8 @@ SEPARATION = np.dtype(
         ("share", "f8"),  # how well the direction is defined, 0 to 1
         ("share_rate", "f8", 6),
         ("rough", "f8"),  # largest height of both textures [m]
+        ("reach", "f8"),  # how far its face reaches over its edges, where it is the only one [m]
+        ("aligned", "f8"),  # least cosine to one that may stand for it unsearched
         ("scale", "f8"),  # root of the stiffness of the two surfaces over that of the force law
         ("gap_scale", "f8"),  # the same for g: of a map of stiffness, that of its softest place
         ("friction", "f8"),  # Coulomb's coefficient of the two surfaces, where no map gives it [-]

@@ -22,6 +22,7 @@ from asperity.contact.broad_phase.mujoco_pairs import Candidates, Collider
 from asperity.contact.response.settings import ForceSettings
 from asperity.errors import AsperityError, require_between
 from asperity.geometry.bodies import Body
+from asperity.geometry.poses import require_pose
 
 if TYPE_CHECKING:
     import mujoco
@@ -109,9 +110,19 @@ class ContactSolver(BodyContact):
         (6,) array
             Force [N] and torque about the tool's centre of mass [N m], world axes. The same
             array in every call.
+
+        Raises
+        ------
+        AsperityError
+            `pose` is not seven finite numbers, its quaternion is zero, or `dt` is below 0.
         """
-        near = self.candidates(pose, self.in_contact)
-        return self.wrench_at(pose, dt, near, self._collider.query, seconds)
+        given = np.asarray(pose, dtype=np.float64)
+        if given.shape != (7,) or not given.dot(given) < math.inf or not given[3:].any():
+            require_pose(given, "pose")
+        if not dt >= 0.0:
+            raise AsperityError(f"dt must be 0 s or above, got {dt!r}")
+        near = self.candidates(given, self.in_contact)
+        return self.wrench_at(given, dt, near, self._collider.query, seconds)
 
     def candidates(
         self, pose: NDArray[np.float64], without: NDArray[np.bool_] | None = None
@@ -166,11 +177,13 @@ class ContactSolver(BodyContact):
         Raises
         ------
         AsperityError
-            `poses` has another shape, or a number is not finite.
+            `poses` has another shape, a number is not finite, or a quaternion is zero.
         """
         given = np.ascontiguousarray(poses, dtype=np.float64)
-        if given.ndim != 2 or given.shape[1] != 7 or not np.isfinite(given).all():
+        if given.ndim != 2 or given.shape[1] != 7:
             raise AsperityError(f"poses must be rows of 7 finite numbers, got {given.shape}")
+        for row in np.flatnonzero(~np.isfinite(given).all(axis=1) | ~given[:, 3:].any(axis=1))[:1]:
+            require_pose(given[row], f"poses[{row}]")
         count = usable_cores()
         if threads is not None:
             count = int(require_between("threads", threads, 1, 1024))

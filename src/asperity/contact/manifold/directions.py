@@ -51,7 +51,7 @@ def integrate_regions(table, query, count, thin, region):
     count : int
         Number of pairs of facets that are listed.
     thin : float
-        Pieces that overlap by more than this all over may lie across a cavity [m].
+        Pieces that overlap by more than this may lie across a cavity [m].
     region : OverlapRegion
     """
     sums, limit, reach, kept = region.sums, query.limit, query.raised, 0
@@ -64,7 +64,7 @@ def integrate_regions(table, query, count, thin, region):
         if piece[1] < 0:
             continue
         is_piece = piece[1] >= 3
-        is_deep = is_piece and _is_deep(region, piece, thin)
+        is_deep = is_piece and deepest_corner(region, piece)[0] > thin
         if is_deep and is_across_cavity(table, f, g, piece, query, region):
             continue
         region.facets.pairs[kept, 0], region.facets.pairs[kept, 1] = f, g
@@ -87,15 +87,6 @@ def integrate_regions(table, query, count, thin, region):
             if deepest > sums[d].deepest:
                 _note_deepest(table, (f, g), piece, corner, region, sums[d])
     return kept
-
-
-@inner_kernel
-def _is_deep(region, piece, depth):
-    """Return whether a piece overlaps by more than `depth` [m] everywhere."""
-    least = np.inf
-    for i in range(piece[1]):
-        least = min(least, region.polygon[piece[0], i, 2])
-    return least > depth
 
 
 @inner_kernel
@@ -237,14 +228,30 @@ def _is_needless(table, query, count, d, space):
     """Return whether the tool leaves all by another direction, which `d` does not replace.
 
     Then each choice that has `d` has to leave that one too, and counts for nothing
-    (`response.mesh_way_out`).
+    (`response.mesh_way_out`); if no other direction replaces a part of it either.
     """
     for c in range(DIRECTIONS):
         if space.directions[c].patches > 0 and _frees_all(table, query, count, c, space):
             _know(table, query, count, d, space)
-            if space.residuals.value[c, d] == 1.0:
+            if space.residuals.value[c, d] == 1.0 and _is_kept(table, query, count, c, space):
                 return True
     return False
+
+
+@inner_kernel
+def _is_kept(table, query, count, c, space):
+    """Return whether all of direction `c` remains by whichever other one the tool may leave."""
+    for e in range(DIRECTIONS):
+        direction = space.directions[e]
+        is_out = direction.visited == 1 and direction.patches == 0
+        if e == c or space.region.sums[e].volume == 0.0 or is_out:
+            continue
+        if direction.known == 0:
+            fill_mean_normal(table, count, e, space.region, direction.normal)
+            _know(table, query, count, e, space)
+        if space.residuals.value[c, e] < 1.0:
+            return False
+    return True
 
 
 @inner_kernel

@@ -10,7 +10,7 @@ from asperity._core.kernels import inner_kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.body_arrays import pair_friction, pair_stiffness
-from asperity.contact.manifold.separation import fill_geom_frame, is_same_way
+from asperity.contact.manifold.separation import ALONG, fill_geom_frame, is_same_way
 from asperity.contact.manifold.separations import fill_separations
 
 _SAME_PATCH = 0.5
@@ -58,6 +58,22 @@ def _relief(textures, geometry, pair):
 
 
 @inner_kernel
+def _least_cosine(textures, geometry, pair):
+    """Return the cosine between two directions from which on their depths are about the same.
+
+    On slopes of up to m they differ by less than a sixth while the tangent is below 1 / (6 m).
+    """
+    steep = 0.0
+    for g in (pair.geom_a, pair.geom_b):
+        texture = geometry.texture[geometry.surface[g]]
+        if texture >= 0:
+            # Landau's inequality: a height within h whose curvature is at most c.
+            found = textures.maps[texture]
+            steep += math.sqrt(2.0 * found.max_abs_height * found.max_curvature)
+    return max(ALONG, 6.0 * steep / math.sqrt(1.0 + 36.0 * steep * steep))
+
+
+@inner_kernel
 def _has_map_of(geometry, g, h):
     """Return whether two geoms have the same map of stiffness, or both none."""
     maps, surface = geometry.stiffness_map, geometry.surface
@@ -75,7 +91,7 @@ def _stiffness_range(textures, geometry, surface):
 
 @inner_kernel
 def _same_part(geometry, memory, used, found):
-    """Return the part whose only direction is that of `found`, from the same body; -1: none.
+    """Return the row of the only direction of a part that is that of `found`, same body; -1: none.
 
     Its surfaces have to be as stiff, and as rough to friction.
     """
@@ -86,8 +102,8 @@ def _same_part(geometry, memory, used, found):
         is_same = is_same and _has_map_of(geometry, other.geom_a, found.geom_a)
         is_same = is_same and _has_map_of(geometry, other.geom_b, found.geom_b)
         if is_same and is_same_way(memory.separations, used, i, found):
-            return other.part
-    return np.int64(-1)
+            return i
+    return -1
 
 
 @inner_kernel
@@ -125,16 +141,19 @@ def find_parts(textures, geometry, frames, centre, parameters, memory):
         stiffness = pair_stiffness(low_a, low_b, parameters.stiffness)
         # A way out where a map is stiff may be as long as a farther one where it is soft.
         wide = math.sqrt(pair_stiffness(high_a, high_b, parameters.stiffness) / stiffness)
-        count = fill_separations(geometry, pair, frame, rough, wide, rows)
+        aligned = _least_cosine(textures, geometry, pair)
+        count = fill_separations(geometry, pair, frame, (rough, aligned), wide, rows)
         friction = pair_friction(
             geometry.friction[one], geometry.friction[two], parameters.friction
         )
         for j in range(count):
-            rows[j].rough, rows[j].friction = rough, friction
+            rows[j].rough, rows[j].aligned, rows[j].friction = rough, aligned, friction
             rows[j].scale = rows[j].gap_scale = math.sqrt(stiffness / parameters.stiffness)
         if count == 1:
-            pair.part = _same_part(geometry, memory, used, rows[0])
-            if pair.part >= 0:
+            same = _same_part(geometry, memory, used, rows[0])
+            if same >= 0:
+                other = memory.separations[same]
+                pair.part, other.reach = other.part, max(other.reach, rows[0].reach)
                 continue
         if count == 0:
             continue

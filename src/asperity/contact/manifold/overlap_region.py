@@ -268,16 +268,16 @@ def corner_slope(table: FacetTable, f, g, piece, corner, region, m_out):
     """Fill m (3,) of a corner of a piece: a motion v of A changes the overlap there by -m . v.
 
     At a corner of A it is B's normal, at one of B A's; where two edges cross it is perpendicular to
-    both.
+    both. At one that is as deep as counts the overlap does not change: m is 0.
     """
     here, count = piece
     p, z = region.polygon[here], table.axes[g, 2]
     before, after = (corner - 1 if corner > 0 else count - 1), (corner + 1) % count
     owner, last = p[corner, 3], p[before, 3]
+    is_deep = owner == DEEP or last == DEEP
     for k in range(3):
-        m_out[k] = z[k]
-    is_cut = owner in (CUT, DEEP) or last in (CUT, DEEP)
-    if is_cut or (owner == OF_A and last == OF_A):
+        m_out[k] = 0.0 if is_deep else z[k]
+    if is_deep or owner == CUT or last == CUT or (owner == OF_A and last == OF_A):
         return
     normal = region.facets.placed[f].normal
     if owner == OF_A or last == OF_A:

@@ -19,7 +19,7 @@ APART, ALONG = 0.961, 0.990
 FARTHEST = 2.0
 """Multiple of the least way out from which on a separation g does not count."""
 LONGEST = 1.3
-"""The least way out, smoothed, is at most this multiple of the least one."""
+"""The least way out, smoothed, is at most this multiple of the least one, or hardly ever more."""
 ABOUT = 1.2
 """A separation up to this multiple of the least depth counts fully."""
 _SAME = 1e-13

@@ -26,7 +26,6 @@ from asperity._core.stack import stack_array
 from asperity.contact.manifold.least_separation import add_curved
 from asperity.contact.manifold.separation import (
     ABOUT,
-    ALONG,
     COVERED,
     EDGES,
     FACE_A,
@@ -44,7 +43,7 @@ from asperity.contact.manifold.separation import (
     smooth_step_slope,
     turn_with_tool,
 )
-from asperity.contact.manifold.support import BOX, CYLINDER, PLANE
+from asperity.contact.manifold.support import BOX, CYLINDER, PLANE, support
 
 _CROSSING, _PARALLEL = 0.3, 0.1
 """Sines of the angle between two edges between which their direction is smoothed out."""
@@ -215,7 +214,7 @@ def _is_inside_a_face(geometry, pair, rows, faces):
 
 
 @inner_kernel
-def _is_beside_least(rows, i, least, rough):
+def _is_beside_least(rows, i, least, rough, aligned):
     """Return whether a face of about the least separation stands for direction `i`.
 
     Then that face counts fully (`response.potential`), and the direction beside it not at all.
@@ -225,13 +224,44 @@ def _is_beside_least(rows, i, least, rough):
         if other.part == 0 or other.kind >= rows[i].kind or other.share < 1.0:
             continue
         is_least = other.gap <= least or other.gap - rough <= ABOUT * (least - rough)
-        if is_least and cosine(other, rows[i]) >= ALONG:
+        if is_least and cosine(other, rows[i]) >= aligned:
             return True
     return False
 
 
 @inner_kernel
-def fill_separations(geometry, pair, frames, rough, wide, rows):
+def _reach_over_edges(geometry, found, frames, rough):
+    """Return how far the face of a direction reaches over its edges, for the bumps beside them [m].
+
+    Not at all where the other geom stays within the edges that are not covered.
+    """
+    is_a = found.kind == FACE_A
+    g, other = (found.geom_a, found.geom_b) if is_a else (found.geom_b, found.geom_a)
+    kind, size = geometry.kind[g], geometry.size[g]
+    if found.kind > FACE_A or rough == 0.0 or kind == PLANE:
+        return 0.0
+    frame, beyond = frames[0 if is_a else 1], frames[1 if is_a else 0]
+    e, p, square = stack_array((3,)), stack_array((3,)), 0.0
+    for axis in range(3 if kind == BOX else 2):
+        along = shift = 0.0
+        for i in range(3):
+            e[i] = frame[i, axis]
+            along += e[i] * found.normal[i]
+            shift += e[i] * (beyond[i, 3] - frame[i, 3])
+        if abs(along) > 0.5:
+            continue
+        far = support(geometry.kind[other], geometry.size[other], beyond, e, p) + rough
+        square += (abs(shift) + far) ** 2
+        for side in range(2 if kind == BOX else 0):
+            sign = 1.0 if side == 1 else -1.0
+            is_open = not geometry.covered[g] & face_bit(axis, sign)
+            if is_open and sign * shift + far > size[axis]:
+                return rough
+    return rough if kind != BOX and square > size[0] * size[0] else 0.0
+
+
+@inner_kernel
+def fill_separations(geometry, pair, frames, textured, wide, rows):
     """Fill the directions along which geom A of a pair may leave geom B; return how many there are.
 
     Parameters
@@ -240,13 +270,15 @@ def fill_separations(geometry, pair, frames, rough, wide, rows):
     pair : GEOM_PAIR
     frames : (2, 3, 4) array
         Axes and centres of the two geoms, from the tool's centre of mass.
-    rough : float
-        How far textures rise above or fall below both surfaces at most [m].
+    textured : tuple of float
+        How far textures rise above or fall below both surfaces at most [m], and the least cosine
+        to a direction that may stand for another one.
     wide : float
         Multiple of the usual separation up to which a direction may count, 1 or more.
     rows : SEPARATION records
         Filled; 0 where the two are apart even at their textures' highest points.
     """
+    rough, aligned = textured
     count = _add_faces(geometry, pair, FACE_B, frames, rows, np.int64(0))
     if geometry.kind[pair.geom_b] != PLANE:
         count = _add_faces(geometry, pair, FACE_A, frames, rows, count)
@@ -265,12 +297,13 @@ def fill_separations(geometry, pair, frames, rough, wide, rows):
         return np.int64(0)
     kept = np.int64(0)
     for i in range(count):
-        if rows[i].kind > FACE_B and _is_beside_least(rows, i, least, rough):
+        if rows[i].kind > FACE_B and _is_beside_least(rows, i, least, rough, aligned):
             rows[i].part = 0
         if rows[i].part == 1 and rows[i].gap - rough < LONGEST * FARTHEST * wide * (least + rough):
             if kept != i:
                 copy_record(rows[kept], rows[i])
             kept += 1
+    rows[0].reach = _reach_over_edges(geometry, rows[0], frames, rough) if kept == 1 else 0.0
     for i in range(kept if kept > 1 else 0):  # a single way out needs no rates
         fill_gap_rate(geometry, frames[0], frames[1], rows[i])
     return kept

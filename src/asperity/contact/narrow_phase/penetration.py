@@ -115,6 +115,7 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
     for t in range(search.tie_count):
         if _counts(search, t):
             area += search.ties[t].weight
+    result_out.area = area
     m, p, q = stack_array((3,)), stack_array((3,)), stack_array((3,))
     total = friction = number = 0.0
     has_map = False

@@ -16,6 +16,7 @@ PENETRATION = np.dtype(
         ("nodes", "i8"),  # boxes evaluated
         ("status", "i8"),  # CERTIFIED or BUDGET_SPENT
         ("ties", "i8"),  # points that are equally deep
+        ("area", "f8"),  # that they represent, 0 for single points [m^2]
         ("point", "f8", 3),  # their mean on A's surface, from the contact's origin [m]
         ("slope_normal", "f8", 3),  # m = n - s_u u - s_v v, mean over the ties; world axes
         ("moment", "f8", 3),  # mean of point x m [m]

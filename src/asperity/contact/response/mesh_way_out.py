@@ -39,6 +39,8 @@ _LONGER = 0.1
 """Relative difference in length at which a choice that has more to leave does not count."""
 _AS_FAR = 0.5
 """Part of what another choice leaves, from which on a choice begins to have it to leave too."""
+_LITTLE = 0.1
+"""Part of a direction that remains, below which a choice need not leave it as far as another."""
 _STEP = 1e-5
 """Relative step of the central differences."""
 
@@ -118,7 +120,10 @@ def _has_to_leave(choices, rows, c, other):
     for i in range(rows):
         need = choices.needed[other, i]
         if need > 0.0:
-            part *= min(choices.needed[c, i] / need, 1.0)
+            as_far, left = min(choices.needed[c, i] / need, 1.0), need / choices.depth[i]
+            if left < _LITTLE:  # or the share would leap where the last of it goes
+                as_far = 1.0 - smooth_step(left / _LITTLE) * (1.0 - as_far)
+            part *= as_far
     return smooth_step((part - _AS_FAR) / (1.0 - _AS_FAR))
 
 
@@ -290,13 +295,14 @@ def _fill_rates(space, rows, count, s):
             inputs[i, 3 + k] = n
         for j in range(rows):
             one, two, was = choices.number[i], choices.number[j], choices.residual[i, j]
-            if i == j or space.residuals.whole[one, two] == 0.0:
+            if i == j or was <= 0.0 or was >= 1.0:
                 continue  # its slope is 0 too
-            choices.residual[i, j] = was + _STEP
+            change = min(_STEP, 0.5 * min(was, 1.0 - was))
+            choices.residual[i, j] = was + change
             rise = _rise(choices, rows, count, s)
-            choices.residual[i, j] = was - _STEP
+            choices.residual[i, j] = was - change
             rise -= _rise(choices, rows, count, s)
-            space.residuals.rate[one, two] = -rise / (2.0 * _STEP * by_s)
+            space.residuals.rate[one, two] = -rise / (2.0 * change * by_s)
             choices.residual[i, j] = was
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.manifold.separation import LONGEST, MAX_PARTS
+from asperity.contact.manifold.separation import MAX_PARTS
 
 RATIO = 1.5
 """R: a way out counts while it is shorter than this times the least one."""
@@ -174,8 +174,11 @@ def update_choices(ways, parts, count):
 
 
 @inner_kernel
-def fill_choices(separations, used, parts, ways):
-    """Fill the choices whose length may count, and their multipliers; return how many there are."""
+def fill_choices(separations, used, parts, most, ways):
+    """Fill the choices whose length may count, and their multipliers; return how many there are.
+
+    They may count if the soft least is at most `most` times the least length.
+    """
     inputs = ways.inputs
     first, past, at = (
         stack_array((MAX_PARTS,)), stack_array((MAX_PARTS,)), stack_array((MAX_PARTS,)),
@@ -192,7 +195,7 @@ def fill_choices(separations, used, parts, ways):
         if inputs[i, 0] < inputs[rows[p], 0]:
             rows[p] = i
     choose_active(inputs, rows, parts, shares)
-    bound = RATIO * LONGEST * update_choice(inputs, rows, parts, shares)
+    bound = RATIO * most * update_choice(inputs, rows, parts, shares)
     for p in range(parts):
         at[p] = first[p]
     count = 0
@@ -207,7 +210,7 @@ def fill_choices(separations, used, parts, ways):
             choose_active(inputs, rows, parts, ways.shares[count])
             length = update_choice(inputs, rows, parts, ways.shares[count])
             if length < bound:
-                bound = min(bound, RATIO * LONGEST * length)
+                bound = min(bound, RATIO * most * length)
                 count += 1
         p = 0
         while p < parts:
