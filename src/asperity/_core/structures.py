@@ -9,7 +9,6 @@ until that returns. So structures that are made within kernels stay what Numba m
 
 from __future__ import annotations
 
-import functools
 import hashlib
 from typing import Any, TypeVar
 
@@ -96,14 +95,18 @@ class _Fields(AttributeTemplate):
         return None if place is None else structure.parts[place]
 
 
-@functools.cache
+_known: dict[Structure, tuple[int, ...]] = {}
+
+
 def _offsets(context: Any, structure: Structure) -> tuple[int, ...]:
     """Return where in a table the parts begin, and its length [bytes]."""
-    offsets = [0]
-    for part in structure.parts:
-        size = context.get_abi_sizeof(context.get_value_type(part))
-        offsets.append(offsets[-1] + -(-size // _WORD) * _WORD)
-    return tuple(offsets)
+    if structure not in _known:  # to ask for a size takes LLVM a thousandth of a second
+        offsets = [0]
+        for part in structure.parts:
+            size = context.get_abi_sizeof(context.get_value_type(part))
+            offsets.append(offsets[-1] + -(-size // _WORD) * _WORD)
+        _known[structure] = tuple(offsets)
+    return _known[structure]
 
 
 def _at(builder: Any, table: Any, offset: int, kind: Any) -> Any:
