@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import small_kernel
+from asperity._core.structures import by_reference
 from asperity.geometry.bodies import KINDS, MAPPINGS, Body, Geom, Surface, map_origin
 from asperity.geometry.mesh.texture_coordinates import length_round
 from asperity.geometry.poses import rotation_of
@@ -26,6 +27,7 @@ FRICTION_MAP = np.dtype([("map", "i8"), ("scale", "f8", 2), ("shift", "f8", 2)],
 `scale` times the place on the map that the surface is laid by, plus `shift` [m]."""
 
 
+@by_reference
 class Geometry(NamedTuple):
     """All geoms of a scene. Rows are geoms unless stated otherwise."""
 
@@ -62,10 +64,12 @@ class Geometry(NamedTuple):
     """Factor by which a cylindrical map is stretched to fit a whole number of times, (geoms,)."""
     friction_around: NDArray[np.float64]
     """That factor for the map of friction over `around`, (geoms,)."""
-    no_texture: NDArray[np.int64]
-    """-1 for each surface, to be used in place of `texture` for smooth bodies; (surfaces,)."""
     covered: NDArray[np.int64]
     """Faces that another geom of the same rigid body covers, a bit each; see `covered_faces`."""
+
+    def smooth(self) -> Geometry:
+        """Return the geoms without textures."""
+        return self._replace(texture=np.full_like(self.texture, -1))
 
 
 def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
@@ -99,7 +103,6 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
         np.array([soft_places.get(id(s.stiffness), -1) for s in surfaces], dtype=np.int64),
         around,
         np.array([_around(s, s.friction_map, g) for s, g in laid]) / around,
-        np.full(len(surfaces), -1, dtype=np.int64),
         np.zeros(len(geoms), dtype=np.int64),
     )
     return pack([*fields, *softs], frictions), geometry

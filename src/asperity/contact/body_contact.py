@@ -152,7 +152,7 @@ class BodyContact:
         self._pose, self._out = np.zeros(7), Output(self.contacts, np.zeros(6))
         self._tick, self._mesh_tick = Repeated(tick), Repeated(mesh_tick)
         self._derivatives = Repeated(contact_stiffness)
-        self._law = _force_law(self.settings)
+        self._law = _force_law(self.settings, self._model)
         self._pairs: GeomPairs | None = None
         self.reset()
 
@@ -355,8 +355,8 @@ def _mesh_side(
     )
 
 
-def _force_law(settings: ForceSettings) -> ForceLaw:
-    return ForceLaw(_parameters(settings), _grid_method(settings), _point_law(settings))
+def _force_law(settings: ForceSettings, model: SceneModel) -> ForceLaw:
+    return ForceLaw(_parameters(settings), _grid_method(settings), _point_law(settings, model))
 
 
 def _parameters(settings: ForceSettings) -> ForceParameters:
@@ -386,7 +386,7 @@ def _grid_method(settings: ForceSettings) -> GridMethod | None:
     )
 
 
-def _point_law(settings: ForceSettings) -> PointLaw | None:
+def _point_law(settings: ForceSettings, model: SceneModel) -> PointLaw | None:
     law = LAWS.index(settings.law)
     if law == OTADUY_LIN:
         return None
@@ -395,4 +395,5 @@ def _point_law(settings: ForceSettings) -> PointLaw | None:
         ho_gain=float(settings.ho_gain),
         noise_level=float(settings.noise_level),
         noise_bandwidth=float(settings.noise_bandwidth),
+        smooth=model._replace(geometry=model.geometry.smooth()),
     )

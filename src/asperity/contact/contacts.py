@@ -7,10 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.structures import by_reference
+
 NO_ROOM = 2
 """Status of a contact beside which others were dropped; see `Contacts`."""
 
 
+@by_reference
 class Contacts(NamedTuple):
     """The contacts of one pose, in arrays allocated once; the first `count[0]` rows are valid.
 

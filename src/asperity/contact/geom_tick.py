@@ -7,7 +7,6 @@ import numpy as np
 from asperity._core.kernels import clear, inner_kernel, kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
-from asperity.contact.body_arrays import Geometry
 from asperity.contact.contacts import NO_ROOM
 from asperity.contact.manifold.geom_manifold import (
     collect_pairs,
@@ -34,7 +33,6 @@ from asperity.contact.narrow_phase.geom_depth import (
     fill_depth_along,
 )
 from asperity.contact.narrow_phase.incumbent import TIE
-from asperity.contact.records import SceneModel
 from asperity.contact.response.contact_forces import (
     Bristle,
     ToolFrames,
@@ -313,17 +311,7 @@ def _tick(model, parameters, grid, point_law, query, memory, workspace, out):
     centre, tool_frame = stack_array((3,)), model.frames[model.tool]
     state, contacts, smooth = memory.state[0], out.contacts, model
     if point_law is not None:
-        # Point laws take the depth of the smooth bodies.
-        geometry = model.geometry
-        shape = Geometry(
-            geometry.kind, geometry.size, geometry.position, geometry.rotation, geometry.body,
-            geometry.surface, geometry.no_texture, geometry.mapping, geometry.origin,
-            geometry.friction, geometry.friction_map, geometry.stiffness, geometry.stiffness_map,
-            geometry.around, geometry.friction_around, geometry.no_texture, geometry.covered,
-        )  # fmt: skip
-        smooth = SceneModel(
-            model.textures, shape, model.tool, model.centre, model.frames, model.geom_number
-        )
+        smooth = point_law.smooth
     clear(out.wrench)
     contacts.count[0], state.way_out = 0, 0.0
     fill_tool_frame(query.pose, model.centre, tool_frame, centre)

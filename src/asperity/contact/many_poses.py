@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, kernel
+from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.geom_pairs import near_pairs
 from asperity.contact.broad_phase.mujoco_pairs import Candidates
 from asperity.contact.geom_tick import tick
@@ -16,6 +17,7 @@ from asperity.contact.records import Output, Query
 from asperity.geometry.frames import fill_tool_frame
 
 
+@by_reference
 class PoseBatch(NamedTuple):
     """Poses, their candidates, and room for what is found."""
 

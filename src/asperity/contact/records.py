@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.structures import by_reference
 from asperity.contact.body_arrays import Geometry
 from asperity.contact.broad_phase.facet_bvh import FacetTable
 from asperity.contact.broad_phase.mujoco_pairs import Candidates
@@ -23,6 +24,7 @@ MAX_SEPARATIONS = 256
 """Room for separations of all pairs, before those that do not count are left out."""
 
 
+@by_reference
 class SceneModel(NamedTuple):
     """The bodies of a scene; constant, but for the tool's frame."""
 
@@ -38,6 +40,7 @@ class SceneModel(NamedTuple):
     """For each geom of the MuJoCo model its number in `geometry`; -1 for one to be ignored."""
 
 
+@by_reference
 class MeshModel(NamedTuple):
     """A scene with meshes."""
 
@@ -96,6 +99,8 @@ class PointLaw(NamedTuple):
     """Standard deviation of the noise over the normal force [-]."""
     noise_bandwidth: float
     """Corner frequency of the noise [Hz]."""
+    smooth: SceneModel
+    """The scene without textures, whose depth such a law takes."""
 
 
 class ForceLaw(NamedTuple):
@@ -189,6 +194,7 @@ NOISE = np.dtype(
 """State of the noise of Siira & Pai."""
 
 
+@by_reference
 class GeomMemory(NamedTuple):
     """What contact of geoms remembers from one tick to the next, and the room of one tick."""
 

@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from asperity._core.arrays import Array
+from asperity._core.structures import by_reference
 
 
+@by_reference
 class LinearContact(NamedTuple):
     """A contact wrench with its stiffness and damping.
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 
 _LIFT = 2e-4
 """How far the surfaces may part at a remembered place [m]."""
@@ -36,6 +37,7 @@ _OTHER = 0.5
 """Difference between their force and that of the search, relative to it, from which they end."""
 
 
+@by_reference
 class Places(NamedTuple):
     """Remembered places; the first `count[0]` rows are valid.
 

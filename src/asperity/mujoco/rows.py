@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.mujoco.places import calmness
 
 MARK = -7391
@@ -51,6 +52,7 @@ _PYRAMIDAL = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL)
 _ELLIPTIC = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC)
 
 
+@by_reference
 class Tables(NamedTuple):
     """Which geoms are whose."""
 
@@ -67,6 +69,7 @@ class Tables(NamedTuple):
     """Coulomb's coefficient of each geom's surface, nan for MuJoCo's; (ngeom,)."""
 
 
+@by_reference
 class Found(NamedTuple):
     """Contacts of MuJoCo's that were taken out of its list."""
 
@@ -86,6 +89,7 @@ class Found(NamedTuple):
     """Whether a pair is among them, (pairs,); false between calls."""
 
 
+@by_reference
 class PlacedContacts(NamedTuple):
     """What is remembered of the contacts that were put into MuJoCo's list, a row each."""
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
 from asperity._core.kernels import small_kernel
+from asperity._core.structures import by_reference
 from asperity.texture.highest import cells_between, texture_top
 from asperity.texture.spline import curvature_weights, slope_weights, weights
 
@@ -65,6 +66,7 @@ BLOCK_BOUNDS = np.dtype([("slope", np.float32), ("curvature", np.float32)])
 """Largest slope [-] and largest second derivative in any direction [1/m] of a block."""
 
 
+@by_reference
 class PackedTextures(NamedTuple):
     """The height fields of a scene, flattened; all lengths in metres."""
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import kernel
+from asperity._core.structures import by_reference
 from asperity.contact.body_arrays import Geometry
 from asperity.contact.narrow_phase.surface_patch import PLANAR, TRIPLANAR
 from asperity.geometry.bodies import MAPPINGS, Body, Geom
@@ -44,6 +45,7 @@ _SAME_PLANE, _OFF_ROUND_NUMBERS = 1e-3, 0.2137
 numbers do not lie on the border of two."""
 
 
+@by_reference
 class FacetTable(NamedTuple):
     """All facets of a scene. Rows are facets, in the order of the trees, unless stated otherwise.
 
@@ -75,8 +77,7 @@ class FacetTable(NamedTuple):
     least: Array
     """Least length of w, (n,)."""
     place: Array
-    """Place on the texture, or base point in the texture's frame: at the centre, by x, by y;
-    (n, 9) [m]."""
+    """Place on the texture, or in its frame: at the centre, by x, by y; (n, 9) [m]."""
     spread: Array
     """Singular values of the map from (x, y) to the texture, (n, 2)."""
     body: NDArray[np.int64]
@@ -106,8 +107,7 @@ class FacetTable(NamedTuple):
     first_surface: NDArray[np.int64]
     """Number of the surface of a body's first geom, (bodies,)."""
     raised: Array
-    """How far the textures of a body rise above or fall below its surface at most [m], (bodies,).
-    """
+    """How far the textures of a body rise above its surface at most [m], (bodies,)."""
     lowered: Array
     """How far they fall below it at most [m], (bodies,)."""
     middle: Array

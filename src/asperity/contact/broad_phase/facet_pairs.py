@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import FacetTable
 
 MAX_FACET_PAIRS = 32768
@@ -42,6 +43,7 @@ SEARCH_STATE = np.dtype(
 )
 
 
+@by_reference
 class FacetPairs(NamedTuple):
     """Facet pairs of bodies A and B at one relative pose, and the memory to find them in."""
 

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.contact.records import SceneModel
 from asperity.geometry.bodies import KINDS
 
 _PLANE = KINDS.index("plane")
 
 
+@by_reference
 class GeomPairs(NamedTuple):
     """Pairs of a geom of the tool and one of another body that may collide at all."""
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.records import copy_record
+from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_pairs import STACK
 
 MAX_LISTED = 32768
@@ -45,6 +46,7 @@ PENDING_STATE = np.dtype(
 """Progress of the interrupted BVH traversal that fills the pending list of one body."""
 
 
+@by_reference
 class PairList(NamedTuple):
     """Facet pairs of the tool with each body of the scene."""
 
@@ -57,6 +59,7 @@ class PairList(NamedTuple):
     (bodies, MAX_LISTED); the inner list itself has none, (bodies, 0)."""
 
 
+@by_reference
 class NeighbourList(NamedTuple):
     """The Verlet lists of a tool with each body of the scene; see `neighbour_list`."""
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from asperity._core.arrays import Array, Indices
+from asperity._core.structures import by_reference
 from asperity.contact.soft.press import TaxelArrays
 
 
+@by_reference
 class SurfaceArrays(NamedTuple):
     """A surface at rest: `m` triangles, `v` vertices, `g` shared normals, `n` taxels."""
 
@@ -33,6 +35,7 @@ class SurfaceArrays(NamedTuple):
     """Of the texture at the taxels [m], (n,)."""
 
 
+@by_reference
 class SurfaceState(NamedTuple):
     """What is computed of a surface at one place of its vertices."""
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.broad_phase.neighbour_records import (
     NeighbourList,
@@ -16,6 +17,7 @@ from asperity.contact.broad_phase.neighbour_records import (
 from asperity.contact.manifold.records import MAX_PARTS
 
 
+@by_reference
 class MeshMemory(NamedTuple):
     """What is known of the last tick: where to look first, and how far bristles are deflected."""
 

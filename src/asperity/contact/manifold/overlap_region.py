@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS, FacetTable
 from asperity.contact.broad_phase.facet_pairs import MAX_FACET_PAIRS, FacetPairs, facet_pairs
 from asperity.contact.manifold.records import OVERLAP_SUMS
@@ -33,6 +34,7 @@ CUT, OF_A, OF_B, BEHIND, WITHIN, DEEP = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 cut by."""
 
 
+@by_reference
 class OverlapRegion(NamedTuple):
     """The overlap region of two bodies and the memory to integrate over it."""
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.structures import by_reference
 from asperity.contact.narrow_phase.records import PENETRATION
 
 MAX_PARTS = 4
@@ -70,6 +71,7 @@ PATCH_COUNT = np.dtype(
 )
 
 
+@by_reference
 class ContactManifold(NamedTuple):
     """The patches between the tool and all scene bodies, in one tick."""
 

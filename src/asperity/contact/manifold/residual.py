@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.manifold.overlap_region import (
     BEHIND,
@@ -48,6 +49,7 @@ _NARROW, _WIDE = 0.003, 0.03
 """Volumes of a region, over the third power of its depth, between which it begins to count."""
 
 
+@by_reference
 class Residuals(NamedTuple):
     """How much of each direction remains once the tool has left by another."""
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS, FacetTable
 from asperity.contact.manifold.overlap_region import OverlapRegion, overlap_region
 from asperity.contact.manifold.records import DIRECTION, ContactManifold, contact_manifold
@@ -21,6 +22,7 @@ MAX_CANDIDATES = 32768
 """Most pairs of surface patches in one query."""
 
 
+@by_reference
 class FacetSpace(NamedTuple):
     """Memory of contact between meshes, allocated once."""
 

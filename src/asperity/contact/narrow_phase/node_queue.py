@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel
+from asperity._core.structures import by_reference
 from asperity.contact.narrow_phase.records import NODE, QUEUE_STATE
 
 MAX_NODES = 131072
 """Most boxes of one search."""
 
 
+@by_reference
 class NodeQueue(NamedTuple):
     """Memory of a best-first search, allocated once."""
 

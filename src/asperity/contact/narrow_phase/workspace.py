@@ -7,9 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.structures import by_reference
 from asperity.contact.narrow_phase.records import CANDIDATE, PATCH, SEARCH
 
 
+@by_reference
 class Workspace(NamedTuple):
     """Memory of a search for the deepest point between two bodies, allocated once."""
 

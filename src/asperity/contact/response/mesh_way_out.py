@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel
+from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.manifold.separation import LONGEST, smooth_step
 from asperity.contact.response.ways_out import (
@@ -45,6 +46,7 @@ _STEP = 1e-5
 """Relative step of the central differences."""
 
 
+@by_reference
 class MeshChoices(NamedTuple):
     """Room for the choices among the directions of one body."""
 

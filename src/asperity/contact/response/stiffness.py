@@ -25,12 +25,14 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.geometry.rigid_body import fill_lever_arm
 
 _STICKS = 1.0 - 1e-9
 """A bristle whose force is below this part of its limit sticks."""
 
 
+@by_reference
 class ContactDerivatives(NamedTuple):
     """What the wrench of contacts is at another pose and velocity, to first order.
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.contact.manifold.separation import MAX_PARTS
 
 RATIO = 1.5
@@ -22,6 +23,7 @@ MAX_CHOICES = 48
 """Room for choices; longer ones are left out."""
 
 
+@by_reference
 class WaysOut(NamedTuple):
     """Room for the choices of directions, one for each part."""
 

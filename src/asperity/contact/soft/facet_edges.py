@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from asperity._core.arrays import Array, Indices, Mask
+from asperity._core.structures import by_reference
 from asperity.geometry.mesh.checks import SAME_PLACE, same_places
 
 _FARTHEST = 2.0
@@ -26,6 +27,7 @@ _FLAT = 1e-6
 """Sine of the angle between facets that are no edge but for their textures."""
 
 
+@by_reference
 class Rims(NamedTuple):
     """The facets of one body, as far as their borders go."""
 
@@ -47,6 +49,7 @@ class Rims(NamedTuple):
     """Distance of places that are one [m]."""
 
 
+@by_reference
 class FacetEdges(NamedTuple):
     """What happens at the borders of facets."""
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Indices
+from asperity._core.structures import by_reference
 from asperity.geometry.facets.facets import MOST_SIDES
 
 FACET = np.dtype(
@@ -48,6 +49,7 @@ NEIGHBOUR = np.dtype([("facet", "i8"), ("is_convex", "?")], align=True)
 """A facet that another one touches along an edge or at a corner, and whether outwards."""
 
 
+@by_reference
 class MeshFacets(NamedTuple):
     """The facets of all meshes among some solids."""
 

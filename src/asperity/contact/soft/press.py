@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from asperity._core.arrays import Array
 from asperity._core.kernels import inner_kernel, kernel, small_kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.contact.soft.blocks import BLOCK, NONE, met_by
 from asperity.contact.soft.exits import exit_of
 from asperity.contact.soft.flat_blocks import RAY, fill_across, fill_sheet, leave_sheet
@@ -27,6 +28,7 @@ from asperity.contact.soft.sheets import CURVED, GRAZING, MESH, lift, sheet_at
 from asperity.contact.soft.taxel_sums import add_taxel, clear_sums, complete_sums
 
 
+@by_reference
 class TaxelArrays(NamedTuple):
     """The taxels of a skin in the frame of its body; a row a taxel."""
 

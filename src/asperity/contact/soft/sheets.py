@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from asperity._core.arrays import Array
 from asperity._core.kernels import inner_kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.contact.body_arrays import Geometry
 from asperity.contact.soft.mesh_records import MeshFacets
 from asperity.texture.packed import PackedTextures, texture_slope
@@ -39,6 +40,7 @@ REACH = np.dtype([("lowest", "f8"), ("highest", "f8"), ("slope", "f8"), ("bend",
 """Bounds of the texture on a geom [m], of its slope [-] and of its curvature [1/m]."""
 
 
+@by_reference
 class Solids(NamedTuple):
     """Textured solids; rows are geoms."""
 

@@ -66,7 +66,7 @@ def smooth(solids: Solids) -> Solids:
     """Return the same solids without textures."""
     geometry = solids.geometry
     return solids._replace(
-        geometry=geometry._replace(texture=geometry.no_texture),
+        geometry=geometry.smooth(),
         reach=np.zeros(len(geometry.kind), REACH),
     )
 

@@ -19,12 +19,14 @@ import numpy as np
 from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import clear, inner_kernel, small_kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.contact.soft.layer import layer_pressure
 
 SLIP_SPEED = 5e-3
 """Speed v0 of the regularised friction [m/s]; project default."""
 
 
+@by_reference
 class SkinOutput(NamedTuple):
     """What is computed at a pose; rows are taxels."""
 

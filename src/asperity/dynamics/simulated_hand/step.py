@@ -7,9 +7,11 @@ from typing import NamedTuple
 from asperity._core.arrays import Array
 from asperity._core.kernels import kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.geometry.rigid_body import apply_displacement, fill_displacement, fill_lever_arm
 
 
+@by_reference
 class HandModel(NamedTuple):
     """The constants of a hand.
 
@@ -37,6 +39,7 @@ class HandModel(NamedTuple):
     """[N s/m]"""
 
 
+@by_reference
 class HandState(NamedTuple):
     """The state of a hand, advanced in place."""
 

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from asperity._core.arrays import Array
+from asperity._core.structures import by_reference
 from asperity.dynamics.virtual_coupling.settings import Gains
 from asperity.geometry.rigid_body import RigidBody
 
@@ -62,6 +63,7 @@ class HandleMotion(NamedTuple):
     """Velocity of its origin [m/s] and angular velocity [rad/s], world axes (6,)."""
 
 
+@by_reference
 class ContactWall(NamedTuple):
     """A contact to first order, as `LinearContact` has it."""
 
@@ -79,6 +81,7 @@ class ContactWall(NamedTuple):
     """[J], (1,)"""
 
 
+@by_reference
 class Walls(NamedTuple):
     """The walls that a tool knows; see `virtual_coupling.walls`."""
 
@@ -88,6 +91,7 @@ class Walls(NamedTuple):
     """Whether there is a latest and an other one (2,) of bool."""
 
 
+@by_reference
 class Load(NamedTuple):
     """A wall at the tool's pose."""
 
@@ -99,6 +103,7 @@ class Load(NamedTuple):
     """Whether it pushes (1,) of bool."""
 
 
+@by_reference
 class IntegratorWorkspace(NamedTuple):
     """Scratch memory of one tick, allocated once."""
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
+from asperity._core.structures import by_reference
 from asperity.contact.body_arrays import Geometry, flatten_bodies
 from asperity.geometry.bodies import Body
 from asperity.geometry.mesh.texture_coordinates import places_on_map
@@ -32,6 +33,7 @@ _FLAT = 1e-3
 """Least cosine between a triangle's normal and the direction in which it is seen."""
 
 
+@by_reference
 class Triangles(NamedTuple):
     """The triangles of all meshes among some bodies, each in its body's frame."""
 
@@ -45,6 +47,7 @@ class Triangles(NamedTuple):
     """(m,)."""
 
 
+@by_reference
 class Shapes(NamedTuple):
     """Smooth bodies and their textures."""
 
