@@ -44,6 +44,8 @@ from asperity.contact.manifold.separation import (
 )
 from asperity.contact.response.ways_out import RATIO, fill_choices, update_choices
 
+_DOUBLINGS = 6
+"""Most times that longer ways out are looked for."""
 _LAST_RESORT = 1e-9
 """Presence of a direction that leads too far: of use only where a part has no other."""
 _STEP = 1e-5
@@ -138,6 +140,18 @@ def _soft_least(separations, ways, parts, count, most):
 
 
 @inner_kernel
+def _least_alone(separations, used):
+    """Return the least length of one direction [m], which alone gets a weight."""
+    least = 0
+    for i in range(used):
+        length = separations[i].scale * separations[i].depth
+        if length < separations[least].scale * separations[least].depth:
+            least = i
+    separations[least].weight = separations[least].scale
+    return separations[least].scale * separations[least].depth
+
+
+@inner_kernel
 def _perturb(separations, used, ways, i, e, step):
     """Fill the inputs, changed by a step of depth `i`, or of the tool's coordinate `e`."""
     for j in range(used):
@@ -193,11 +207,15 @@ def fill_potential(separations, used, parts, lever, ways, rates_out):
     _perturb(separations, used, ways, -1, -1, 0.0)
     most, s, count = LONGEST, -1.0, 0
     # Several that stand for the least one together may leave nothing of it: s is longer then.
-    while s < 0.0:
+    for _ in range(_DOUBLINGS):
         count = fill_choices(separations, used, parts, most, ways)
         update_choices(ways, parts, count)
         s = _soft_least(separations, ways, parts, count, most)
+        if s > 0.0:
+            break
         most *= 2.0
+    if not s > 0.0:
+        return _least_alone(separations, used)
     step = _STEP * s
     rise = _excess(separations, ways, parts, count, s + step)
     by_s = (rise - _excess(separations, ways, parts, count, s - step)) / (2.0 * step)
