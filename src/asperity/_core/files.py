@@ -179,7 +179,9 @@ def reading(
     try:
         try:
             status = path.stat()
-        except (FileNotFoundError, NotADirectoryError, ValueError):
+        except PermissionError:
+            raise
+        except (OSError, ValueError):  # nothing of that name, or a name that nothing can have
             refuse("there is no such file")
         if stat.S_ISDIR(status.st_mode):
             refuse(f"this is a folder; valid: a file of {contents}")
