@@ -1,4 +1,4 @@
-"""The servo loop at 1 kHz, with recorder, beside an empty loop; and what SIGKILL leaves.
+"""The servo loop with recorder, beside an empty loop; and what SIGKILL leaves.
 
     make bench
     python benchmarks/bench_servo.py [--seconds 60] [--scenes NAME ...] [--kills 100] [--json FILE]
@@ -58,23 +58,23 @@ GROWS, LOST = 4.0, 1.0
 """Most that memory may grow by [MB], and that a killed recording may lack [s]."""
 
 
-def empty_loop(seconds: float, report: Any) -> None:
+def empty_loop(seconds: float, dt: float, report: Any) -> None:
     """Tick and do nothing; send what there is to say of it."""
     sharpen_timers()
     clock = SystemClock()
-    pace, stats = Pace(DT, clock), Stats()
-    while stats.ticks + stats.skipped < seconds / DT:
+    pace, stats = Pace(dt, clock), Stats()
+    while stats.ticks + stats.skipped < seconds / dt:
         pace.wait()
         missed = clock.now() > pace.deadline
         stats.finished(skipped=pace.skipped, late=pace.late, missed=missed, fallback=False)
     report.send(stats.summary())
 
 
-def beside_nothing(seconds: float) -> dict[str, Any]:
+def beside_nothing(seconds: float, dt: float) -> dict[str, Any]:
     """Return what there is to say of an empty loop in a process of its own."""
     spawn = multiprocessing.get_context("spawn")
     ours, theirs = spawn.Pipe(duplex=False)
-    process = spawn.Process(target=empty_loop, args=(seconds, theirs))
+    process = spawn.Process(target=empty_loop, args=(seconds, dt, theirs))
     process.start()
     report: dict[str, Any] = ours.recv()
     process.join()
@@ -91,8 +91,9 @@ def resident(pid: int) -> float:
 
 
 def spec_of(
-    name: str, mode: str, anti_alias: str | None, real_time: RealTime, seconds: float = BLOCK
-) -> ServoSpec:
+    name: str, mode: str, anti_alias: str | None, real_time: RealTime, seconds: float = BLOCK,
+    dt: float = DT,
+) -> ServoSpec:  # fmt: skip
     scene = load_scene(name).changed(coupling={"mode": mode})
     if anti_alias is not None:
         scene = scene.changed(force={"anti_alias": anti_alias})
@@ -100,8 +101,8 @@ def spec_of(
     if isinstance(motion, ScriptedMotion):
         scene = scene.changed(trajectory={"seconds": seconds + 2.0})
         motion = scene.motion
-    make = functools.partial(simulated_device, scene, motion, DT)
-    return ServoSpec(scene, make, in_scene=True, real_time=real_time)
+    make = functools.partial(simulated_device, scene, motion, dt)
+    return ServoSpec(scene, make, in_scene=True, real_time=real_time, rate=1.0 / dt)
 
 
 def measured(
@@ -115,7 +116,7 @@ def measured(
     while done < seconds:
         length = min(block, seconds - done)
         done += length
-        nothing = beside_nothing(empty * length)
+        nothing = beside_nothing(empty * length, 1.0 / spec.rate)
         sums["empty_due"] += nothing["ticks_due"]
         sums["empty_misses"] += nothing["misses"]
         _most(worst, "empty_late", nothing["start_late_us"])
@@ -185,6 +186,7 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="*", default=list(SCENES))
     parser.add_argument("--block", type=float, help="seconds of servo in one turn")
     parser.add_argument("--empty", type=float, default=1.0, help="turn of the empty loop, in such")
+    parser.add_argument("--rate", type=float, default=1.0 / DT, help="[Hz]")
     parser.add_argument("--mode", default="implicit", help="of the coupling")
     parser.add_argument("--anti-alias", help="off, tick or band; default: as the scene says")
     parser.add_argument("--priority", action="store_true", help="ask for real-time priority")
@@ -198,7 +200,7 @@ def main() -> None:
         for scene in given.scenes:
             real_time = RealTime(priority=given.priority)
             block = given.block or block_of(given.seconds)
-            spec = spec_of(scene, given.mode, given.anti_alias, real_time, block)
+            spec = spec_of(scene, given.mode, given.anti_alias, real_time, block, 1.0 / given.rate)
             got = results[scene] = measured(spec, given.seconds, folder, block, given.empty)
             missed += [f"{scene}: {what}" for what in missed_bars(scene, got)]
         if given.kills:
