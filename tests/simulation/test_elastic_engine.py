@@ -252,6 +252,10 @@ def test_a_run_that_presses_too_hard_has_a_note():
     scene = block(seconds=0.05, modulus=2e4).changed(trajectory={"press_force": 1.0})
     notes = run_scene(scene, None).summary["notes"]
     assert any("of its smallest side: beyond some 20 %" in note for note in notes)
+    deeper = block(seconds=0.05, modulus=2e4).changed(trajectory={"press_depth": 8e-3})
+    notes = run_scene(deeper, None).summary["notes"]
+    assert any("ticks the elastic body was held at its largest" in note for note in notes)
+    assert not any("max_nodes" in note for note in notes)
     fine = run_scene(block(seconds=0.05), None).summary["notes"]
     assert not any("smallest side" in note for note in fine)
 

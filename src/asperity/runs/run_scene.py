@@ -282,6 +282,11 @@ def _uncertified(scene: Scene, rollout: Rollout) -> list[str]:
     certified, total = int(rollout.statuses[0]), int(rollout.statuses.sum())
     if certified >= _CERTIFIED * total:
         return []
+    if scene.elastic is not None:
+        return [
+            f"at {total - certified} of {total} ticks the elastic body was held at its largest "
+            "displacement, or its equations were not solved to tolerance: forces are wrong there"
+        ]
     helps = f"raise force.max_nodes (now {scene.force.max_nodes}) or force.tolerance, or"
     cut = int(((rollout.flags & CUT_SHORT) != 0).sum())
     if cut:

@@ -8,7 +8,9 @@ from typing import Any
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 
-_FIRST_STEP = 1e-4
+_FIRST_STEP, _LONGEST_STEP = 1e-4, 1e-3
+"""First and longest step of the search [m]: a longer one could leap over a thin plate, or to where
+a soft surface no longer pushes."""
 _FARTHEST = 1.0
 """Distance above and below the start within which the surface is searched [m]."""
 
@@ -46,8 +48,8 @@ def _level(engine: Any, start: Array, is_above: Callable[[Array], bool], failure
     free = above(z)
     other = z - step if free else z + step
     while above(other) == free:
-        z, step = other, 2.0 * step
-        if step > _FARTHEST:
+        z, step = other, min(2.0 * step, _LONGEST_STEP)
+        if abs(z - start[2]) > _FARTHEST:
             place = ", ".join(f"{1e3 * value:.4g}" for value in start[:3])
             raise AsperityError(
                 f"the tool {failure} within {_FARTHEST:g} m of its start at ({place}) mm; "
