@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-from scipy.io import wavfile
 
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_between, require_positive
@@ -47,6 +46,8 @@ class Sound:
 
     def write(self, path: Path | BinaryIO) -> None:
         """Write a 16-bit mono WAV file."""
+        from scipy.io import wavfile  # slow to import, and the page starts with this module
+
         wavfile.write(path, self.rate, np.round(self.samples * 32767.0).astype(np.int16))
 
 

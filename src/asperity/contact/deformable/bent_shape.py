@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.spatial import KDTree
 
 from asperity._core.arrays import Array, Indices
 from asperity.contact.deformable.surface import DeformableSurface
 from asperity.geometry.poses import rotation_of
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 _NEAREST, _CHUNK = 8, 50_000
 """Triangles whose middles are nearest, on one of which a point lies; points that are placed at
@@ -33,6 +37,8 @@ class BentShape:
     def __init__(
         self, surface: DeformableSurface, pose: Array, points: Array, normals: Array
     ) -> None:
+        from scipy.spatial import KDTree  # slow to import, and the page starts with this module
+
         self._surface, self._at, self._turn = surface, pose[:3], rotation_of(pose[3:])
         local, facing = (points - self._at) @ self._turn, normals @ self._turn
         n = len(points)

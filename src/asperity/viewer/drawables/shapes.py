@@ -178,12 +178,12 @@ def _extent(scene: Scene, parts: list[Part]) -> tuple[Array, float]:
 
 def first_contact(scene: Scene) -> Array:
     """Return approximately where the tool at its start is nearest to another mesh (3,) [m]."""
-    from scipy.spatial import cKDTree
-
     meshes = {body.name: body.mesh for body in scene.bodies if body.mesh is not None}
     tool = meshes.pop(scene.tool, None)
     if tool is None or not meshes:
         return scene.start[:3]
+    from scipy.spatial import cKDTree  # slow to import
+
     parts = {part.body.name: part.pose for part in scene_parts(scene, scene.start)}
     others = np.concatenate(
         [_spread(mesh.vertices[mesh.faces], parts[name]) for name, mesh in meshes.items()]
