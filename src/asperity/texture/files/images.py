@@ -25,7 +25,7 @@ from asperity.errors import SurfaceError
 from asperity.texture.files.colours import grey
 from asperity.texture.files.levels import smooth_levels as smooth_levels
 from asperity.texture.files.stored import MAX_SAMPLES, Stored, check_size
-from asperity.texture.files.tiff_scale import gdal_scale, gdal_unit, tiff_pixel_size
+from asperity.texture.files.tiff_scale import RESOLUTIONS, gdal_scale, gdal_unit, tiff_pixel_size
 
 IMAGE_SUFFIXES = (
     ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".tga", ".dds", ".exr",
@@ -45,7 +45,7 @@ The pixels are stored otherwise than they are seen; this makes them as they are 
 """
 _NODATA = 42113
 """GDAL's tag for the value of missing pixels."""
-_ORIENTATION = 274
+_ORIENTATION, _RESOLUTION_UNIT = 274, 296
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PARK = 50432
 """Tag by which microscopes of Park Systems mark their files."""
@@ -68,6 +68,8 @@ class _Picture(NamedTuple):
     missing: NDArray[np.bool_] | None = None
     pixel_size: tuple[float, float] | None = None
     """As the file states it [m]"""
+    printed_size: tuple[float, float] | None = None
+    """By its resolution, which may be that of a print [m]"""
     unit: str = ""
     """Of its values, as the file states it."""
     preview: bool = False
@@ -93,7 +95,7 @@ def read_image(path: Path, colour: str | None = None) -> Stored:
     if picture.preview and colour is None:
         raise PreviewOnlyError(path)
     stored = grey(path, np.flipud(picture.pixels), picture.notes, colour)
-    stored = stored._replace(pixel_size=picture.pixel_size)
+    stored = stored._replace(pixel_size=picture.pixel_size, printed_size=picture.printed_size)
     if picture.unit and colour is None:
         metres = length_of(picture.unit)
         said = "as the file states (GDAL)" if metres else "which is no length"
@@ -123,22 +125,32 @@ def read_pixels(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
     return picture.pixels, picture.notes
 
 
-def resolution(path: Path) -> tuple[float, float] | None:
-    """Return the pixel size [m] by the resolution that an image states, of a print or of a surface.
+def _printed(dots: Any) -> tuple[float, float] | None:
+    """Return the pixel size [m] by dots per inch, of a print or of a surface.
 
-    None for that of screens and usual prints, and for files without one.
+    None for those of screens and usual prints, and for what is no pair of numbers above 0.
     """
-    if path.suffix.lower() not in IMAGE_SUFFIXES or path.suffix.lower() == ".exr":
-        return None
     try:
-        with _opened(path) as image:
-            dots = [float(value) for value in image.info["dpi"]]
-        if all(any(abs(dot - usual) < 0.01 * usual for usual in _SCREENS) for dot in dots):
+        found = [float(value) for value in dots]
+        if all(any(abs(dot - usual) < 0.01 * usual for usual in _SCREENS) for dot in found):
             return None
-        pu, pv = (0.0254 / dot for dot in dots)
-    except Exception:  # no resolution, or one that is damaged, states nothing
+        pu, pv = (0.0254 / dot for dot in found)
+    except (TypeError, ValueError, ZeroDivisionError):  # none, or damaged: it states nothing
         return None
     return pu, pv
+
+
+def _printed_tiff(page: Any) -> tuple[float, float] | None:
+    """Return the pixel size [m] by the resolution of a TIFF's page, as `_printed`."""
+    tags = [page.tags.get(number) for number in (*RESOLUTIONS, _RESOLUTION_UNIT)]
+    if tags[0] is None or tags[1] is None:
+        return None
+    inches = {2: 1.0, 3: 1.0 / 2.54}.get(2 if tags[2] is None else int(tags[2].value))
+    try:
+        return _printed([above / (below * (inches or 0.0)) for above, below in
+                         (tag.value for tag in tags[:2])])  # fmt: skip
+    except (TypeError, ValueError, ZeroDivisionError):  # no unit, or damaged
+        return None
 
 
 def _read(path: Path) -> _Picture:
@@ -155,7 +167,8 @@ def _read(path: Path) -> _Picture:
             check_size(path, rows, columns)
             pixels = _png16(path, (columns, rows), _PNG_COLOURS[colour], interlaced)
             with _opened(path) as image:
-                return _upright(_Picture(pixels), _orientation(image))
+                picture = _Picture(pixels, printed_size=_printed(image.info.get("dpi")))
+                return _upright(picture, _orientation(image))
     return _read_pillow(path)
 
 
@@ -173,7 +186,10 @@ def _upright(picture: _Picture, orientation: int) -> _Picture:
     size = picture.pixel_size
     if size is not None and quarters % 2:
         size = size[::-1]
-    return _Picture(turned(picture.pixels), (*picture.notes, note), missing, size)
+    return picture._replace(
+        pixels=turned(picture.pixels), notes=(*picture.notes, note), missing=missing,
+        pixel_size=size,
+    )  # fmt: skip
 
 
 def _png16(path: Path, size: tuple[int, int], mode: str, interlaced: int) -> NDArray[np.uint16]:
@@ -207,6 +223,7 @@ def _read_pillow(path: Path) -> _Picture:
     with _opened(path) as image:
         frames = getattr(image, "n_frames", 1)
         notes = (f"the first of {frames} pictures in the file is read",) if frames > 1 else ()
+        printed = _printed(image.info.get("dpi"))
         image.load()
         orientation = _orientation(image)  # a TIFF is turned already, and states so now
         if image.mode in ("P", "PA"):
@@ -217,7 +234,7 @@ def _read_pillow(path: Path) -> _Picture:
             if image.mode == "CMYK":
                 notes = (*notes, "its inks (CMYK) are turned into red, green and blue")
             pixels = np.asarray(image.convert("L" if image.mode == "1" else "RGB"))
-    return _upright(_Picture(pixels, notes), orientation)
+    return _upright(_Picture(pixels, notes, printed_size=printed), orientation)
 
 
 def _opened(path: Path) -> Any:
@@ -311,7 +328,8 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
         note = f"values times {stated[0]:g} plus {stated[1]:g}, as the file states (GDAL)"
         values = picture.pixels.astype(np.float64) * stated[0] + stated[1]
         picture = picture._replace(pixels=values, notes=(*picture.notes, note))
-    picture = picture._replace(unit=gdal_unit(page) if pixels.ndim == 2 else "")
+    unit = gdal_unit(page) if pixels.ndim == 2 else ""
+    picture = picture._replace(unit=unit, printed_size=_printed_tiff(page))
     if len(file.pages) > 1 and file.pages[1].is_mask and picture.missing is None:
         inside = file.pages[1].asarray()
         if inside.shape == pixels.shape[:2]:

@@ -30,7 +30,6 @@ from asperity.texture.files.images import (
     IMAGE_SUFFIXES,
     PreviewOnlyError,
     read_image,
-    resolution,
 )
 from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES, load_instrument
 from asperity.texture.files.levels import smooth_levels
@@ -320,7 +319,7 @@ def _pixel_size(
     if height_range is None and stored.scale is None:
         wanted.append("height_range [m], lowest to highest")
     if wanted:
-        dots = resolution(path) if given is None and own is None else None
+        dots = stored.printed_size if given is None and own is None else None
         hint = (
             "" if dots is None else f"; its resolution, of a print or not, is {_um(dots)} a pixel"
         )
@@ -334,7 +333,7 @@ def _pixel_size(
         assert own is not None
         notes.append(f"pixel size {_um(own)}, from the file")
         return own
-    dots = None if own is not None else resolution(path)
+    dots = None if own is not None else stored.printed_size
     if dots is not None and not np.allclose(given, dots, rtol=0.01, atol=0.0):
         notes.append(f"its resolution, of a print or not, is {_um(dots)} a pixel")
     if own is not None and not np.allclose(given, own, rtol=1e-6, atol=0.0):

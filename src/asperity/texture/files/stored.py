@@ -35,6 +35,8 @@ class Stored(NamedTuple):
     """Difference between neighbouring grey levels; 0 for values that are not quantised."""
     sizes_follow: bool = False
     """Whether `pixel_size` is in the unit of the values too, which is not said."""
+    printed_size: tuple[float, float] | None = None
+    """Pixel size by the resolution of an image, which may be that of a print [m]."""
 
 
 def check_size(path: Path, *shape: int) -> None:

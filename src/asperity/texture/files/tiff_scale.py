@@ -8,7 +8,7 @@ from typing import Any
 
 from asperity._core.units import length_of
 
-_RESOLUTIONS = (282, 283)
+RESOLUTIONS = (282, 283)
 _PIXEL_SCALE, _GEO_KEYS = 33550, 34735
 _GDAL = 42112
 """GDAL's tag for what it knows of the values, in XML."""
@@ -33,7 +33,7 @@ def _imagej(file: Any) -> tuple[float, float] | None:
     metres = length_of(str(unit).replace("\\u00B5", "µ")) if unit else None
     if metres is None:
         return None
-    counts = [file.pages[0].tags[tag].value for tag in _RESOLUTIONS]
+    counts = [file.pages[0].tags[tag].value for tag in RESOLUTIONS]
     pu, pv = (metres * below / above for above, below in counts)
     return pu, pv
 
@@ -64,22 +64,25 @@ def _geotiff(file: Any) -> tuple[float, float] | None:
     return float(scale.value[0]), float(scale.value[1])
 
 
-def gdal_unit(page: Any) -> str:
-    """Return the unit of the first channel's values as GDAL states it, "" if it states none."""
+def _gdal(page: Any) -> str:
+    """Return what GDAL's tag of a page holds, "" without one."""
     tag = page.tags.get(_GDAL)
     if tag is None:
         return ""
-    text = tag.value.decode("utf-8", "replace") if isinstance(tag.value, bytes) else str(tag.value)
-    found = re.search(r"<Item\b[^>]*name=\"UNITTYPE\"[^>]*>([^<]+)</Item>", text)
+    return tag.value.decode("utf-8", "replace") if isinstance(tag.value, bytes) else str(tag.value)
+
+
+def gdal_unit(page: Any) -> str:
+    """Return the unit of the first channel's values as GDAL states it, "" if it states none."""
+    found = re.search(r"<Item\b[^>]*name=\"UNITTYPE\"[^>]*>([^<]+)</Item>", _gdal(page))
     return found.group(1).strip() if found else ""
 
 
 def gdal_scale(page: Any) -> tuple[float, float] | None:
     """Return factor and offset of the first channel's values as GDAL states them, else None."""
-    tag = page.tags.get(_GDAL)
-    if tag is None:
+    text = _gdal(page)
+    if not text:
         return None
-    text = tag.value.decode("utf-8", "replace") if isinstance(tag.value, bytes) else str(tag.value)
     found = {"SCALE": 1.0, "OFFSET": 0.0}
     for item in re.findall(r"<Item\b([^>]*)>([^<]*)</Item>", text):
         name = re.search(r'name="(SCALE|OFFSET)"', item[0])
