@@ -1,6 +1,7 @@
 """Elastic bodies in modal form: against closed forms, at rest, and in time."""
 
 import itertools
+import sys
 
 import numpy as np
 import pytest
@@ -222,6 +223,25 @@ def test_a_falling_tip_gains_no_energy_but_by_its_own_steps(body, dt, gain):
     assert max(energies) < (1.0 + gain) * energies[0]
     assert height > -2e-3
     assert contact.error < 2e-5
+
+
+def test_nothing_is_left_of_the_filling_of_a_mesh(tmp_path, monkeypatch):
+    """By a stand-in for pytetwild, which leaves a file in the working folder."""
+    mesh, nodes, tetrahedra = beam()
+
+    class StandIn:
+        @staticmethod
+        def tetrahedralize(*_, **__):
+            (tmp_path / "__tracked_surface.stl").write_text("left")
+            return nodes, tetrahedra
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "pytetwild", StandIn)
+    tetrahedra_in(mesh, 6e-3)
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "__tracked_surface.stl").write_text("mine")
+    tetrahedra_in(mesh, 6e-3)
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_tetrahedra_fill_a_mesh():

@@ -15,6 +15,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,8 @@ _QUADRATIC = 8000
 _TOGETHER = 4
 """Right-hand sides solved in one call. SuperLU multiplies many small blocks; from 8 columns on,
 OpenBLAS splits each of them between threads, which takes three to ten times as long."""
+_LEFT = Path("__tracked_surface.stl")
+"""What fTetWild leaves in the working folder."""
 _FLAT = 1e-6
 """Least volume of a tetrahedron, over the cube of its longest edge."""
 
@@ -93,10 +96,15 @@ def tetrahedra_in(mesh: Mesh, edge_length: float) -> tuple[Array, Indices]:
     diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     require_between("edge_length", edge_length, 0.01 * diagonal, diagonal, "m")
     pytetwild = require_tetrahedra()
-    points, tetrahedra = pytetwild.tetrahedralize(
-        np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int32),
-        edge_length_fac=edge_length / diagonal, quiet=True,
-    )[:2]  # fmt: skip
+    was_there = _LEFT.exists()
+    try:
+        points, tetrahedra = pytetwild.tetrahedralize(
+            np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int32),
+            edge_length_fac=edge_length / diagonal, quiet=True,
+        )[:2]  # fmt: skip
+    finally:
+        if not was_there:
+            _LEFT.unlink(missing_ok=True)
     if not len(tetrahedra):
         raise AsperityError(f"mesh {mesh.name!r} encloses no volume that tetrahedra could fill")
     return np.asarray(points, dtype=np.float64), np.asarray(tetrahedra, dtype=np.int64)
