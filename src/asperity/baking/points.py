@@ -119,8 +119,8 @@ def read_points(path: Path) -> Points:
     if not good.all():
         notes = (*notes, f"{np.count_nonzero(~good)} points without a place are left out")
     at_origin = (found.places == 0.0).all(axis=1)
-    if np.count_nonzero(at_origin) > 1:
-        count = np.count_nonzero(at_origin)
+    count = np.count_nonzero(at_origin)
+    if count > 1:
         notes = (
             *notes,
             f"{count} points at 0, 0, 0 are left out: scanners write what is not seen so",

@@ -293,12 +293,13 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
     notes: tuple[str, ...] = ()
     if len(file.pages) > 1:
         notes = (f"the first of {len(file.pages)} pictures in the file is read",)
-    if page.photometric in (8, 9, 10):
+    kinds = tifffile.PHOTOMETRIC
+    if page.photometric in (kinds.CIELAB, kinds.ICCLAB, kinds.ITULAB):
         raise SurfaceError(
             f"{path}: its colours are {page.photometric.name} (L*a*b*), whose lightness is no "
             "height; valid: grey, or red, green and blue"
         )
-    if page.photometric == tifffile.PHOTOMETRIC.SEPARATED:  # inks: Pillow makes colours of them
+    if page.photometric == kinds.SEPARATED:  # inks: Pillow makes colours of them
         return _without_nodata(_read_pillow(path)._replace(pixel_size=tiff_pixel_size(file)), page)
     try:
         pixels = page.asarray()
@@ -313,10 +314,10 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
             ) from None
         picture = _read_pillow(path)._replace(pixel_size=tiff_pixel_size(file))
         return _without_nodata(picture, page)
-    if page.photometric == tifffile.PHOTOMETRIC.PALETTE:
+    if page.photometric == kinds.PALETTE:
         pixels = np.moveaxis(page.colormap[:, pixels], 0, -1)
         notes = (*notes, "the palette is looked up")
-    elif page.photometric == tifffile.PHOTOMETRIC.MINISWHITE and pixels.dtype.kind == "u":
+    elif page.photometric == kinds.MINISWHITE and pixels.dtype.kind == "u":
         pixels = (2**page.bitspersample - 1 - pixels.astype(np.int64)).astype(pixels.dtype)
         notes = (*notes, "the file stores white as 0; read as its grey values")
     if page.samplesperpixel > 1 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE:

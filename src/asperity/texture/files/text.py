@@ -191,9 +191,8 @@ def _from_columns(
     size = (grid.pixel_size[0] * lateral, grid.pixel_size[1] * lateral)
     if numbered:
         notes.append("rows are numbered from the top")
-        scale_known = (scale, word) if said else (1.0, "")
         notes.append(f"heights in {word}" if said else NO_UNIT)
-        return Stored(grid.values, tuple(notes), None, *scale_known)
+        return Stored(grid.values, tuple(notes), None, scale, word)
     if other:
         notes.append(f"its heights are in {other.group(1)!r}, which is no length")
         return Stored(grid.values, tuple(notes), size, None, other.group(1))
