@@ -1,12 +1,13 @@
-"""A textured primitive meets a box of triangles as it meets the box itself, from the first touch on.
+"""A textured primitive meets a box of triangles as it meets the box, from the first touch on.
 
 Textures touch before the smooth bodies do.
 """
 
 import numpy as np
 import pytest
-from naive_meshes import block, engine_of, thing
+from naive_meshes import STIFFNESS, ball_mesh, block, engine_of, thing
 
+from asperity.contact.body_pair import BodyPair
 from asperity.geometry.bodies import Body, Geom
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.random_surfaces import self_affine
@@ -43,3 +44,44 @@ def test_a_side_is_felt_as_that_of_the_primitive(kind, mapping, level):
         if kind in ("sphere", "ellipsoid"):
             assert found[3:] == pytest.approx(wanted[3:], abs=1e-6 * size * RADIUS)
     assert felt >= 1
+
+
+@pytest.mark.parametrize("of_triangles", [False, True], ids=["box", "mesh"])
+@pytest.mark.parametrize("mapping", ["planar", "triplanar"])
+def test_the_corner_of_a_box_in_a_raised_sphere_is_found(mapping, of_triangles):
+    """Only a sliver of the sphere's flank touches a corner: its depth along a face is known."""
+    level = HeightField(np.full((16, 16), HIGH), 1e-4, border="wrap")
+    ball = Body("tool", [Geom("sphere", (RADIUS,))], level, mapping)
+    box = thing("plate", block(HALF)).body if of_triangles else Body("plate", [Geom("box", HALF)])
+    pair = BodyPair(ball, box)
+    rng, rest, checked = np.random.default_rng(0), np.array([0.0, 0.0, 0.0, 1.0, 0, 0, 0]), 0
+    raised = RADIUS + HIGH
+    for _ in range(400):
+        away, n = np.abs(rng.normal(size=3)), np.eye(3)[rng.integers(3)]
+        away /= np.linalg.norm(away)
+        if away @ n < 0.25:  # steeper flanks are not searched
+            continue
+        middle = np.array(HALF) + away * (raised - rng.choice([2e-5, 1e-4, 3e-4]))
+        corner = np.array(HALF) - middle
+        across = corner - n * (corner @ n)
+        known = np.sqrt(raised**2 - across @ across) + corner @ n
+        more = {"smooth_overlap": 1e-3} if of_triangles else {}
+        found = pair.depth(np.r_[middle, 1.0, 0.0, 0.0, 0.0], rest, n, **more)
+        assert found.depth + found.gap >= known - 1e-9
+        checked += 1
+    assert checked > 200
+
+
+@pytest.mark.parametrize("angle", [0.0, 20.0, 35.0, 45.0, 60.0, 90.0])
+def test_a_textured_ball_of_triangles_touches_an_edge_before_it_is_in_it(angle):
+    """The texture reaches the edge obliquely to the faces, whose distance is larger than it."""
+    level = HeightField(np.full((16, 16), HIGH), 1e-4, border="wrap")
+    engine = engine_of(
+        thing("tool", ball_mesh(RADIUS, 3), level, "triplanar"), thing("plate", block(HALF))
+    )
+    way = np.array([np.cos(np.radians(angle)), 0.0, np.sin(np.radians(angle))])
+    depth = 3e-5
+    edge = np.array([HALF[0], 1e-3, HALF[2]])
+    pose = np.r_[edge + way * (RADIUS + HIGH - depth), 1.0, 0.0, 0.0, 0.0]
+    force = np.linalg.norm(engine.wrench(pose, 0.0)[:3])
+    assert 0.5 < force / (STIFFNESS * depth) < 1.5

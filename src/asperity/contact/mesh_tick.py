@@ -86,7 +86,7 @@ def _fill_manifold(model, parameters, query, motion, step, memory, space, worksp
         one, two = in_order(model.facets, scene.tool, b)
         fill_relative_frame(motion.centre, scene.frames[one], frame_a)
         fill_relative_frame(motion.centre, scene.frames[two], frame_b)
-        raised, lowered = texture_reach(model, b)
+        raised, lowered = texture_reach(model.facets, one, two)
         pair = BodyQuery(b, one, two, frame_a, frame_b, step, 0.0, raised, lowered)
         space.way_out[b] = add_mesh_manifold(
             model, parameters, pair, overlap, memory, space, workspace, space.rest[b]

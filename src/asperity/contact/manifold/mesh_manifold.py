@@ -20,6 +20,7 @@ pass over its pieces (`region_gradient`).
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +56,8 @@ _THIN = 0.05
 """Part of the smaller body's size beyond which an overlap of facets may lie across a cavity."""
 _LEAST_REACH = 3e-5
 """Distance over the smaller body's width at which smooth surfaces belong to the overlap region."""
+_OBLIQUE = math.sqrt(3.0)
+"""Distance along a face of a cube from which a texture of A reaches its corner, over its height."""
 _SMALL = 0.1
 """A step that is smaller than this part of the limit does not raise it."""
 _ROUNDS = 10
@@ -89,13 +92,16 @@ class BodyQuery(NamedTuple):
 
 
 @inner_kernel
-def texture_reach(model, b):
-    """Return how much textures raise, and how much they lower, the tool and body `b` [m]."""
-    table, tool = model.facets, model.scene.tool
-    reach = _LEAST_REACH * min(table.width[tool], table.width[b])
-    reach += table.slack[tool] + table.slack[b]
+def texture_reach(table, first, second):
+    """Return how far from each other facets of A and B may touch, and how much textures lower them.
+
+    Both are measured along the normals of B [m], to which A's texture may be oblique.
+    """
+    reach = _LEAST_REACH * min(table.width[first], table.width[second])
+    reach += table.slack[first] + table.slack[second]
     raised, lowered = table.raised, table.lowered
-    return reach + raised[tool] + raised[b], reach + lowered[tool] + lowered[b]
+    oblique = _OBLIQUE * raised[first]
+    return reach + oblique + raised[second], reach + lowered[first] + lowered[second]
 
 
 @inner_kernel

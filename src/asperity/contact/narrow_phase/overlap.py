@@ -81,6 +81,7 @@ def overlap_at(textures, patch, other, x, y, search, out):
     out.x, out.y = x, y
     u, v = point.p[0], point.p[1]
     out.f = -np.inf
+    out.other_x = out.other_y = np.nan
     if not (u == u and v == v and point.p[2] == point.p[2]):
         return
     z, g1, g2, k11, k12, k22, bx, by = height_at(textures, other, u, v, below)

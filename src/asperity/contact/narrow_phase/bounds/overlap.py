@@ -234,7 +234,8 @@ def _textured_bound(textures, pair, box, base, threshold, search):
     # How far the other's texture moves points sideways is known only where there is a point.
     astray = 0.0 if is_explicit else (size_other if at.f == -np.inf else 3.0 * size_other)
     far = (radius * fastest + astray) / other.lateral_min
-    if at.x == at.x and is_apart(other, at.other_x, at.other_y, far):
+    # Beyond the outline of a round patch there is no point, and no place on the other.
+    if at.other_x == at.other_x and is_apart(other, at.other_x, at.other_y, far):
         return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
     if at.f == -np.inf:
         # The other surface overhangs there, as seen along n: it is not rendered.
