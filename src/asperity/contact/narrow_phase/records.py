@@ -117,6 +117,7 @@ PATCH = np.dtype(
         ("base_top", "f8"),  # largest z of the base within its borders [m]
         ("normal_min", "f8"),  # facets: least length of w
         ("normal_rise", "f8"),  # facets: largest z of the unit normal
+        ("fold", "f8"),  # planes: how much the texture shears it sideways; from 1 on it may overhang
     ],
     align=True,
 )
