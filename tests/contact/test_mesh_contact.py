@@ -55,7 +55,7 @@ def both(first, second):
 @pytest.mark.parametrize("yaw", [0.0, 0.4])
 def test_flat_contact_has_the_stiffness_k_however_wide(half, yaw):
     """One patch or four: the force is k times the depth, and a centred tool feels no torque."""
-    engine = engine_of(brick((half, 0.7 * half, 1e-3)), slab(half=20e-3))
+    engine = engine_of(brick((half, 0.7 * half, 1e-3)), slab(half=20e-3), patch_radius=2.5e-3)
     counts = set()
     for depth in (1e-6, 1e-5, 1e-4, 5e-4, 1.5e-3):
         found = touch(engine, pose(1e-3, -2e-3, 1e-3 - depth, turn(UP, yaw)))

@@ -368,7 +368,7 @@ def _parameters(settings: ForceSettings) -> ForceParameters:
         bristle_stiffness=float(settings.stiffness if bristle is None else bristle),
         max_nodes=int(settings.max_nodes),
         tolerance=-1.0 if settings.tolerance is None else float(settings.tolerance),
-        patch_radius=float(settings.patch_radius),
+        patch_radius=-1.0 if settings.patch_radius is None else float(settings.patch_radius),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from asperity._core.kernels import inner_kernel, kernel
+from asperity._core.kernels import clear, inner_kernel, kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_pairs import largest_displacement
 from asperity.contact.contacts import NO_ROOM
@@ -16,6 +16,7 @@ from asperity.contact.manifold.mesh_manifold import (
     texture_reach,
 )
 from asperity.contact.manifold.properties import least_scale
+from asperity.contact.manifold.records import MAX_PARTS
 from asperity.contact.narrow_phase.friction import contact_friction
 from asperity.contact.response.contact_forces import (
     Bristle,
@@ -104,37 +105,66 @@ def _clear_patch(memory, patch):
 
 
 @inner_kernel
+def _is_same(manifold, p, q):
+    """Return whether two patches of a body's direction have their deepest point in common."""
+    one, other = manifold.patches[p], manifold.patches[q]
+    if one.body != other.body or one.direction != other.direction:
+        return False
+    same = manifold.result[p].depth == manifold.result[q].depth
+    for k in range(3):
+        same = same and manifold.result[p].point[k] == manifold.result[q].point[k]
+    return same
+
+
+@inner_kernel
 def _add_contact(scene, parameters, query, p, motion, memory, space, out):
-    """Add the contact of patch `p` of the manifold and its forces to the output."""
+    """Add the contact of patch `p` of the manifold and its forces to the output.
+
+    Patches of a region that have the same deepest point are one contact, added with the first.
+    """
     manifold, contacts = space.manifold, out.contacts
     patch, result = manifold.patches[p], manifold.result[p]
-    b, d, part = patch.body, patch.direction, patch.part
+    b, d = patch.body, patch.direction
     if patch.weight <= 0.0:
         if query.dt > 0.0:
             _clear_patch(memory, patch)
         return
+    first, last = p - patch.part, min(p - patch.part + MAX_PARTS, manifold.count[0].patches)
+    for q in range(first, p):
+        if _is_same(manifold, p, q):
+            return
     c = contacts.count[0]
     if c == contacts.body.size:
         manifold.count[0].dropped += 1
         return
     contacts.count[0] += 1
-    weight = patch.weight * space.stiffness[b] / parameters.stiffness
+    deflection, share = stack_array((3,)), 0.0
+    clear(deflection)
+    for q in range(p, last):
+        if _is_same(manifold, p, q):
+            share += manifold.patches[q].weight
+            for k in range(3):
+                bent = memory.bristle[b, d, manifold.patches[q].part, k]
+                deflection[k] += manifold.patches[q].weight * bent
+    for k in range(3):
+        deflection[k] /= share
+    weight = share * space.stiffness[b] / parameters.stiffness
     write_contact(contacts, c, b, weight, result, motion.centre)
     for k in range(3):
         contacts.normal[c, k] = patch.normal[k]
     push = parameters.stiffness * weight * result.depth
     add_texture_force(out, c, damped_push(push, parameters.dissipation, result, motion), result)
-    deflection = stack_array((3,))
-    for k in range(3):
-        deflection[k] = memory.bristle[b, d, part, k]
     stiffness = parameters.bristle_stiffness * weight
     friction = contact_friction(result, parameters.friction, space.friction[b])
     bristle = Bristle(deflection, stiffness, friction)
     add_friction(out, c, result.point, scene.frames[b], bristle, motion)
     if query.dt > 0.0:
-        for k in range(3):
-            memory.bristle[b, d, part, k] = deflection[k]
-            memory.guess[b, d, part, k] = patch.guess[k]
+        for q in range(p, last):
+            if _is_same(manifold, p, q):
+                part = manifold.patches[q].part
+                for k in range(3):
+                    memory.bristle[b, d, part, k] = deflection[k]
+                    memory.guess[b, d, part, k] = manifold.patches[q].guess[k]
 
 
 @inner_kernel

@@ -66,7 +66,8 @@ class ForceParameters(NamedTuple):
     tolerance: float
     """Gap of a depth that counts as certified [m]; negative: derived from the textures."""
     patch_radius: float
-    """How far the parts of an overlap region reach over the lines that split it [m]."""
+    """How far the parts of an overlap region reach over the lines that split it [m]; by the size of
+    the bodies if it is negative."""
 
 
 class GridMethod(NamedTuple):

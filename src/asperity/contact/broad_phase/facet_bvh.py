@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from asperity._core.kernels import kernel
 from asperity._core.structures import by_reference
 from asperity.contact.body_arrays import Geometry
+from asperity.contact.broad_phase.surface_sizes import flat_area, surface_width
 from asperity.contact.narrow_phase.surface_patch import PLANAR, TRIPLANAR
 from asperity.geometry.bodies import MAPPINGS, Body, Geom
 from asperity.geometry.facets.facets import MOST_SIDES, Facets, joined, mesh_facets, taken
@@ -38,11 +39,6 @@ _LEAST_SHARE = 0.02
 _EVERYWHERE = 1e9
 
 Array = NDArray[np.float64]
-
-
-_SAME_PLANE, _OFF_ROUND_NUMBERS = 1e-3, 0.2137
-"""Width of the bins of normals and of offsets over a body's size, and their shift, in bins: round
-numbers do not lie on the border of two."""
 
 
 @by_reference
@@ -124,6 +120,8 @@ class FacetTable(NamedTuple):
     """Root of the tree of each body, (bodies,)."""
     flat_area: Array
     """Mean area of a body's plane faces, weighted by their areas [m^2], (bodies,)."""
+    width: Array
+    """Second largest standard deviation of a body's surface [m], (bodies,)."""
 
 
 def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geometry) -> FacetTable:
@@ -172,27 +170,9 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         slack=np.array(slacks), first_surface=geometry.surface[first_geoms], raised=raised,
         lowered=lowered, middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
         first=first, last=last, root=np.array(roots, dtype=np.int64),
-        flat_area=np.array([_flat_area(part) for part in sets]),
+        flat_area=np.array([flat_area(part) for part in sets]),
+        width=np.array([surface_width(part) for part in sets]),
     )  # fmt: skip
-
-
-def _flat_area(facets: Facets) -> float:
-    """Return the mean area of plane faces, weighted by their areas [m^2], however they are cut.
-
-    Facets are of one face if their normals and offsets fall into the same bins.
-    """
-    x, y = facets.corners[..., 0], facets.corners[..., 1]
-    rows, corner = np.arange(len(facets))[:, None], np.arange(facets.corners.shape[1])
-    after = np.where(corner + 1 < facets.sides[:, None], corner + 1, 0)
-    is_corner = corner < facets.sides[:, None]
-    area = 0.5 * np.sum((x * y[rows, after] - x[rows, after] * y) * is_corner, axis=1)
-    normal, origin = facets.axes[:, 2], facets.origin
-    size = max(float(np.linalg.norm(np.ptp(origin, axis=0))), 1e-9)
-    offset = np.einsum("ij,ij->i", normal, origin - origin.mean(axis=0)) / size
-    bins = np.floor(np.column_stack([normal, offset]) / _SAME_PLANE + _OFF_ROUND_NUMBERS)
-    _, face = np.unique(bins, axis=0, return_inverse=True)
-    areas = np.bincount(face.ravel(), np.abs(area))
-    return float((areas**2).sum() / max(areas.sum(), 1e-30))
 
 
 def _body_facets(

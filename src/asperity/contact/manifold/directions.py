@@ -39,6 +39,8 @@ from asperity.geometry.frames import depth_tolerance, to_body, to_world
 
 _SEARCHES, _LEAST = 2.0, 0.05
 """Budget of all directions of a body, and of the last ones when it is spent, in `max_nodes`."""
+_RADIUS = 1.0 / 3.0
+"""How far the parts of a region reach by default, over the width of the smaller body."""
 
 
 @inner_kernel
@@ -102,6 +104,15 @@ def _note_deepest(table, pair, piece, corner, region, sums):
 
 
 @inner_kernel
+def _patch_radius(model, parameters, query):
+    """Return how far the parts of a region reach over its centroid [m]."""
+    if parameters.patch_radius > 0.0:
+        return parameters.patch_radius
+    width = model.facets.width
+    return _RADIUS * min(width[query.first], width[query.second])
+
+
+@inner_kernel
 def _search_patches(model, parameters, query, which, memory, space, workspace):
     """Search the patches of a direction, appended to the manifold; return how many there are."""
     d, count, ceiling = which
@@ -123,7 +134,7 @@ def _search_patches(model, parameters, query, which, memory, space, workspace):
     surfaces = (first[query.first], first[query.second])
     tolerance = depth_tolerance(scene.textures, scene.geometry, surfaces, parameters.tolerance)
     region = SplitRegion(
-        space.region.sums[d], local[0], local[1], parameters.patch_radius, ceiling,
+        space.region.sums[d], local[0], local[1], _patch_radius(model, parameters, query), ceiling,
         memory.guess[query.body, d],
     )  # fmt: skip
     # A deep pose has many directions to search: together they get twice the budget of one.

@@ -53,6 +53,8 @@ _DEEP = 0.25
 """Overlap of facets that is looked for at first, over the smaller body's least half side."""
 _THIN = 0.05
 """Part of the smaller body's size beyond which an overlap of facets may lie across a cavity."""
+_LEAST_REACH = 3e-5
+"""Distance over the smaller body's width at which smooth surfaces belong to the overlap region."""
 _SMALL = 0.1
 """A step that is smaller than this part of the limit does not raise it."""
 _ROUNDS = 10
@@ -90,7 +92,8 @@ class BodyQuery(NamedTuple):
 def texture_reach(model, b):
     """Return how much textures raise, and how much they lower, the tool and body `b` [m]."""
     table, tool = model.facets, model.scene.tool
-    reach = 1e-7 + table.slack[tool] + table.slack[b]
+    reach = _LEAST_REACH * min(table.width[tool], table.width[b])
+    reach += table.slack[tool] + table.slack[b]
     raised, lowered = table.raised, table.lowered
     return reach + raised[tool] + raised[b], reach + lowered[tool] + lowered[b]
 

@@ -20,8 +20,9 @@ from asperity.contact.narrow_phase.surface_patch import add_border
 _NARROW = 3.0
 """A region is not split along an axis on which its standard deviation is below the radius over
 this. (An evenly loaded region ends within 1.8 standard deviations.)"""
-_LEAST_VARIANCE = 1e-12
-"""Added to variances so that they can be divided by [m^2]."""
+_LEAST_VARIANCE, _NO_VARIANCE = 1e-6, 1e-24
+"""Part of the whole variance that is added to those along both axes, so that they can be divided
+by, and the least that is added [m^2]."""
 _STEP = 1e-5
 """Step of the central differences by a covariance, relative to its least variance."""
 _TURN = 1e-7
@@ -61,14 +62,16 @@ def _along_axes(covariance, u, v):
             uu += s * u[i] * u[k]
             vv += s * v[i] * v[k]
             uv += 0.5 * s * (u[i] * v[k] + u[k] * v[i])
-    return max(uu, 0.0) + _LEAST_VARIANCE, uv, max(vv, 0.0) + _LEAST_VARIANCE
+    return max(uu, 0.0), uv, max(vv, 0.0)
 
 
 @inner_kernel
 def _across(uu, uv, vv, k):
     """Return row `k` of the inverse of the symmetric square root of a covariance [1/m]."""
+    least = _LEAST_VARIANCE * (uu + vv) + _NO_VARIANCE
+    uu, vv = uu + least, vv + least
     # By the theorem of Cayley and Hamilton.
-    s = math.sqrt(max(uu * vv - uv * uv, 1e-30))
+    s = math.sqrt(max(uu * vv - uv * uv, least * least))
     t = math.sqrt(uu + vv + 2.0 * s)
     a, b, c = (uu + s) / t, uv / t, (vv + s) / t
     det = a * c - b * b
@@ -144,7 +147,7 @@ def _offset(covariance, n, k, away):
 def _covariance_rates(uu, uv, vv, k, u, v):
     """Return the derivatives of `_offset_of` by uu, uv and vv [1/m], by central differences."""
     half, root = 0.5 * (uu + vv), math.sqrt(0.25 * (uu - vv) ** 2 + uv * uv)
-    step = _STEP * max(half - root, 1e-9 * half)
+    step = _STEP * max(half - root, _LEAST_VARIANCE * half)
     by_uu = _offset_of(uu + step, uv, vv, k, u, v) - _offset_of(uu - step, uv, vv, k, u, v)
     by_uv = _offset_of(uu, uv + step, vv, k, u, v) - _offset_of(uu, uv - step, vv, k, u, v)
     by_vv = _offset_of(uu, uv, vv + step, k, u, v) - _offset_of(uu, uv, vv - step, k, u, v)

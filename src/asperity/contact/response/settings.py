@@ -98,9 +98,11 @@ class ForceSettings:
     tolerance : float, optional
         Gap between the bounds of a depth at which it counts as certified [m]. By default a
         thousandth of the textures' rms height, but at least a nanometre.
-    patch_radius : float
+    patch_radius : float, optional
         For meshes: how far the parts into which a wide contact is split reach over its centroid
-        [m]. Contacts with a standard deviation of at most a third of it have one part.
+        [m]. Contacts with a standard deviation of at most a third of it have one part. By default
+        a third of the second largest standard deviation of the smaller body's surface: 2.3 mm for
+        a file of 20 mm, 0.8 mm for a ball of 8 mm.
     edge_fade : float, optional
         Without effect, and deprecated: at an edge the tool is pushed out the shorter way.
 
@@ -128,7 +130,7 @@ class ForceSettings:
     seed: int = 0
     max_nodes: int = 8000
     tolerance: float | None = None
-    patch_radius: float = 2.5e-3
+    patch_radius: float | None = None
     edge_fade: float | None = None
     object_stiffness: float | None = None
 
