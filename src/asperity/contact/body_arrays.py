@@ -51,7 +51,7 @@ class Geometry(NamedTuple):
     """Where (u, v) = (0, 0) of the texture lies in the body's frame [m], (surfaces, 3); without a
     texture, of the map of stiffness or of friction."""
     steepness: NDArray[np.float64]
-    """Bounds of slope [-] and size [m] of each surface's texture, 0 without one; (surfaces, 2)."""
+    """Rms slope [-] and size [m] of each surface's texture, 0 without one; (surfaces, 2)."""
     friction: NDArray[np.float64]
     """Coulomb's coefficient of each surface [-], nan for a map or that of the force law;
     (surfaces,)."""
@@ -156,11 +156,17 @@ def _origin(surface: Surface) -> list[float]:
 
 
 def _steepness(textures: PackedTextures, number: int) -> tuple[float, float]:
-    """Return bounds of slope [-] and size [m] of a texture; 0 for number -1."""
+    """Return the rms slope [-] and the size [m] of a texture; 0 for number -1.
+
+    The slopes are the largest of each of the smallest blocks, whatever steps a few of these have.
+    """
     if number < 0:
         return 0.0, 0.0
     found = textures.maps[number]
-    return float(found["max_slope"]), float(found["max_abs_surface"])
+    finest = textures.levels[found["first_level"]]
+    slopes = textures.bounds["slope"][finest["first"] :][: finest["rows"] * finest["columns"]]
+    square = np.mean(np.square(slopes, dtype=np.float64))
+    return math.sqrt(square), float(found["max_abs_surface"])
 
 
 def _friction_maps(
