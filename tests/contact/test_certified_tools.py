@@ -110,3 +110,39 @@ def test_a_rough_rim_over_a_steep_rounded_edge_is_certified():
         nodes.append(found.nodes if found.certified else np.inf)
     assert max(nodes) < 8000
     assert np.mean(nodes) < 1500
+
+
+def test_a_contact_that_the_search_has_not_found_by_its_end_is_told():
+    """With few boxes, two rough capsules may be taken for apart: then `count` says so."""
+    geom = '<geom type="capsule" size="0.002 0.006" mass="0.05"/>'
+    xml = (
+        f'<mujoco><worldbody><body name="still">{geom}</body><body name="tool" pos="0 0 0.02">'
+        f"<freejoint/>{geom}</body></worldbody></mujoco>"
+    )
+    dots = dict(TEXTURES["jittered_dots"]) | {"mapping": "triplanar"}
+    knurl = {"kind": "knurl", "pitch": 1e-3, "height": 1e-4, "mapping": "triplanar"}
+    bodies = {"tool": {"texture": dots}, "still": {"texture": knurl}}
+    document = {"schema": 1, "tool": {"body": "tool"}, "bodies": bodies}
+
+    def solver(max_nodes):
+        made = scene_of(xml, document | {"force": {"max_nodes": max_nodes}})
+        return ContactSolver(made.model, made.bodies, "tool", made.force)
+
+    def found(engine, place, turn):
+        engine.reset()
+        engine.wrench(np.concatenate([place, np.roll(turn.as_quat(), 1)]), 0.0)
+        return engine.contacts.count
+
+    few, many, rng, lost = solver(300), solver(8000), np.random.default_rng(1), 0
+    for turn in Rotation.random(12, random_state=1):
+        way, near, far = rng.normal(size=3), 0.0, 0.02
+        way /= np.linalg.norm(way)
+        for _ in range(12):
+            middle = 0.5 * (near + far)
+            touches = found(many, middle * way, turn)[0] > 0
+            near, far = (middle, far) if touches else (near, middle)
+        for s in near - np.array([0.0, 5e-5, 1e-4]):
+            if found(many, s * way, turn)[0] > 0 and found(few, s * way, turn)[0] == 0:
+                lost += 1
+                assert few.contacts.count[1] > 0
+    assert lost > 3
