@@ -52,8 +52,8 @@ def search_candidates(textures, stride, count, guess, tolerance, memory):
 @inner_kernel
 def may_touch(result):
     """Return whether bodies may touch though the search has found no place where they do."""
-    is_open = result.status == BUDGET_SPENT and not result.depth > 0.0
-    return is_open and not result.depth + result.gap <= 0.0  # nan where nothing was found
+    is_open = result.depth == -np.inf or result.depth + result.gap > 0.0
+    return result.status == BUDGET_SPENT and is_open and not result.depth > 0.0
 
 
 @inner_kernel
@@ -114,8 +114,8 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
     result_out.depth = search.incumbent
     result_out.nodes = int(search.nodes)
     if search.incumbent == -np.inf:
-        if search.upper_bound > tolerance:  # there may be something all the same
-            result_out.gap, result_out.status = np.inf, BUDGET_SPENT
+        if search.upper_bound > tolerance:
+            result_out.status = BUDGET_SPENT
         return
     gap = max(search.upper_bound - search.incumbent, 0.0)
     result_out.gap = gap
