@@ -103,7 +103,7 @@ COMMAND_LINES = {
     "run": ["run", "probe-plate", "--seconds", "0.05"],
     "view": ["view", "probe-plate", "--no-open", "--port", "0", "--seconds", "0.2"],
     "record": ["record", "probe-plate", "--seconds", "0.2"],
-    "replay": ["replay", "run", "--out", "o"],
+    "replay": ["replay", "run", "--out", "r"],
     "export": ["export", "run", "--kinds", "csv"],
     "sound": ["sound", "study/speed.nc"],
     "stability": ["stability", "probe-plate", "--rates-khz", "1", "--dampings-n-s-m", "1",

@@ -246,8 +246,15 @@ def top_bound(textures, patch, other):
 @small_kernel
 def _raised_tops(patch, other, top, high_x, high_y):
     """Return the sum of the largest heights of two surfaces, that of their bases being `top`."""
-    top += high_x * (patch.normal[2] if patch.is_unit else patch.normal_rise)
-    return top + high_y * (other.normal[2] if other.is_unit else other.normal_rise)
+    return top + _rise(patch, high_x) + _rise(other, high_y)
+
+
+@small_kernel
+def _rise(patch, high):
+    """Return how much a texture of a largest height raises the top of a patch at most [m]."""
+    if patch.bulge > 0.0:  # the normals of a sphere have unit length, and vary
+        return max(high, 0.0)
+    return high * (patch.normal[2] if patch.is_unit else patch.normal_rise)
 
 
 @small_kernel
