@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from asperity.contact.body_pair import BodyPair
 from asperity.contact.solver import ContactSolver
+from asperity.scene.builtin import load_scene
 from asperity.scene.builtin.probe_plate import TEXTURES, probe_plate
 from asperity.scene.scene import scene_of
 
@@ -84,3 +86,63 @@ def test_a_pen_held_at_a_slant_is_certified(texture):
             bad, total = bad + more, total + all_of
     assert total > 60
     assert bad == 0
+
+
+def test_a_rough_rim_over_a_steep_rounded_edge_is_certified():
+    """Stripes on a bevel overhang, as seen from above: there is no height over a place to look up.
+
+    Once 8,000 boxes were not enough for twenty of these.
+    """
+    made = load_scene("hammer-blocks")
+    bodies = {body.name: body for body in made.bodies}
+    block, head = bodies["block-1"], bodies["hammer"].mesh.vertices
+    head = head[head[:, 2] < 0.01]
+    pair = BodyPair(bodies["hammer"], block, tolerance=1e-7, max_nodes=8000)
+    rng, nodes = np.random.default_rng(0), []
+    for i in range(24):
+        turn = tilted((2, 10, 20, 45)[i % 4], rng)
+        low = turn.apply(head)
+        low = low[np.argmin(low[:, 2])]
+        corner = np.array([-0.03, rng.uniform(-0.015, 0.015), 0.03]) + rng.uniform(0, 6e-4, 3)
+        place = corner - low - [0.0, 0.0, rng.uniform(2e-4, 1.2e-3)]
+        at = np.concatenate([place, np.roll(turn.as_quat(), 1)])
+        found = pair.depth(at, [0, 0, 0.015, 1, 0, 0, 0], [0, 0, 1], smooth_overlap=5e-3)
+        nodes.append(found.nodes if found.certified else np.inf)
+    assert max(nodes) < 8000
+    assert np.mean(nodes) < 1500
+
+
+def test_a_contact_that_the_search_has_not_found_by_its_end_is_told():
+    """With few boxes, two rough capsules may be taken for apart: then `count` says so."""
+    geom = '<geom type="capsule" size="0.002 0.006" mass="0.05"/>'
+    xml = (
+        f'<mujoco><worldbody><body name="still">{geom}</body><body name="tool" pos="0 0 0.02">'
+        f"<freejoint/>{geom}</body></worldbody></mujoco>"
+    )
+    dots = dict(TEXTURES["jittered_dots"]) | {"mapping": "triplanar"}
+    knurl = {"kind": "knurl", "pitch": 1e-3, "height": 1e-4, "mapping": "triplanar"}
+    bodies = {"tool": {"texture": dots}, "still": {"texture": knurl}}
+    document = {"schema": 1, "tool": {"body": "tool"}, "bodies": bodies}
+
+    def solver(max_nodes):
+        made = scene_of(xml, document | {"force": {"max_nodes": max_nodes}})
+        return ContactSolver(made.model, made.bodies, "tool", made.force)
+
+    def found(engine, place, turn):
+        engine.reset()
+        engine.wrench(np.concatenate([place, np.roll(turn.as_quat(), 1)]), 0.0)
+        return engine.contacts.count
+
+    few, many, rng, lost = solver(300), solver(8000), np.random.default_rng(1), 0
+    for turn in Rotation.random(12, random_state=1):
+        way, near, far = rng.normal(size=3), 0.0, 0.02
+        way /= np.linalg.norm(way)
+        for _ in range(12):
+            middle = 0.5 * (near + far)
+            touches = found(many, middle * way, turn)[0] > 0
+            near, far = (middle, far) if touches else (near, middle)
+        for s in near - np.array([0.0, 5e-5, 1e-4]):
+            if found(many, s * way, turn)[0] > 0 and found(few, s * way, turn)[0] == 0:
+                lost += 1
+                assert few.contacts.count[1] > 0
+    assert lost > 3

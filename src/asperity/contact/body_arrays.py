@@ -50,6 +50,8 @@ class Geometry(NamedTuple):
     origin: NDArray[np.float64]
     """Where (u, v) = (0, 0) of the texture lies in the body's frame [m], (surfaces, 3); without a
     texture, of the map of stiffness or of friction."""
+    steepness: NDArray[np.float64]
+    """Rms slope [-] and size [m] of each surface's texture, 0 without one; (surfaces, 2)."""
     friction: NDArray[np.float64]
     """Coulomb's coefficient of each surface [-], nan for a map or that of the force law;
     (surfaces,)."""
@@ -87,6 +89,7 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
     geoms = [(geom, number) for number, body in enumerate(bodies) for geom in body.geoms]
     laid = [(surfaces[n], geom) for n, (geom, _) in zip(numbers, geoms, strict=True)]
     around = np.array([_around(surface, surface.laid_map, geom) for surface, geom in laid])
+    textures = pack([*fields, *softs], frictions)
     geometry = Geometry(
         np.array([KINDS.index(geom.kind) for geom, _ in geoms], dtype=np.int64),
         np.array([geom.size for geom, _ in geoms], dtype=np.float64),
@@ -97,6 +100,7 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
         np.array(texture, dtype=np.int64),
         np.array([MAPPINGS.index(surface.mapping) for surface in surfaces], dtype=np.int64),
         np.array([_origin(surface) for surface in surfaces], dtype=np.float64),
+        np.array([_steepness(textures, number) for number in texture]),
         _values([None if isinstance(s.friction, FrictionMap) else s.friction for s in surfaces]),
         _friction_maps(surfaces, owners, {id(f): first + k for k, f in enumerate(frictions)}),
         _values([_one_stiffness(surface) for surface in surfaces]),
@@ -105,7 +109,7 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
         np.array([_around(s, s.friction_map, g) for s, g in laid]) / around,
         np.zeros(len(geoms), dtype=np.int64),
     )
-    return pack([*fields, *softs], frictions), geometry
+    return textures, geometry
 
 
 def _surfaces_of(bodies: Sequence[Body]) -> tuple[list[Surface], list[Body], list[int]]:
@@ -149,6 +153,20 @@ def _one_stiffness(surface: Surface) -> float | None:
 def _origin(surface: Surface) -> list[float]:
     """Return where (u, v) = (0, 0) of a surface's map lies in the body's frame (3,) [m]."""
     return [*map_origin(surface.laid_map, surface.offset).tolist(), 0.0]
+
+
+def _steepness(textures: PackedTextures, number: int) -> tuple[float, float]:
+    """Return the rms slope [-] and the size [m] of a texture; 0 for number -1.
+
+    The slopes are the largest of each of the smallest blocks, whatever steps a few of these have.
+    """
+    if number < 0:
+        return 0.0, 0.0
+    found = textures.maps[number]
+    finest = textures.levels[found["first_level"]]
+    slopes = textures.bounds["slope"][finest["first"] :][: finest["rows"] * finest["columns"]]
+    square = np.mean(np.square(slopes, dtype=np.float64))
+    return math.sqrt(square), float(found["max_abs_surface"])
 
 
 def _friction_maps(

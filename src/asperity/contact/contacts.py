@@ -21,8 +21,8 @@ class Contacts(NamedTuple):
     """
 
     count: NDArray[np.int64]  # type: ignore[assignment]  # hides tuple.count
-    """Number of contacts, and how many contacts, or pairs of facets, were dropped because there
-    was no room for them; (2,)."""
+    """Number of contacts; and how many were left out, because there was no room for them, or for
+    pairs of facets, or because a search ended that had found nothing yet; (2,)."""
     body: NDArray[np.int64]
     """Number of the scene body, (n,)."""
     point: NDArray[np.float64]
@@ -44,8 +44,8 @@ class Contacts(NamedTuple):
     force: NDArray[np.float64]
     """Force on the tool [N], (n, 3)."""
     status: NDArray[np.int64]
-    """0: certified; 1: the search ended before the gap was within the tolerance; 2: there was no
-    room for some contact; (n,)."""
+    """0: certified; 1: the search ended before the gap was within the tolerance; 2: some other
+    contact was left out; (n,)."""
     nodes: NDArray[np.int64]
     """Boxes that the search evaluated, (n,)."""
     ties: NDArray[np.int64]

@@ -33,6 +33,7 @@ from asperity.contact.narrow_phase.geom_depth import (
     fill_depth_along,
 )
 from asperity.contact.narrow_phase.incumbent import TIE
+from asperity.contact.narrow_phase.penetration import may_touch
 from asperity.contact.response.contact_forces import (
     Bristle,
     ToolFrames,
@@ -93,6 +94,8 @@ def _search(model, parameters, grid, i, stretch, centre, memory, workspace):
     if grid is not None:
         depth_on_grid(model, grid, query, workspace, result)
     found.depth = result.depth
+    if may_touch(result):
+        memory.state[0].dropped += 1
     if result.scale > 0.0:
         found.scale = result.scale
     result.friction = contact_friction(result, parameters.friction, found.friction)

@@ -34,6 +34,7 @@ from asperity.contact.narrow_phase.geom_depth import SearchLimits, frame_round
 from asperity.contact.narrow_phase.load import scale_of
 from asperity.contact.narrow_phase.mesh_depth import SplitRegion, region_depths
 from asperity.contact.narrow_phase.mesh_patches import FacetQuery
+from asperity.contact.narrow_phase.penetration import may_touch
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import depth_tolerance, to_body, to_world
 
@@ -146,6 +147,8 @@ def _search_patches(model, parameters, query, which, memory, space, workspace):
     )  # fmt: skip
     for p in range(start, start + patches):
         space.spent[0] += manifold.result[p].nodes
+        if may_touch(manifold.result[p]):
+            manifold.count[0].dropped += 1
     if not has_room:
         manifold.count[0].dropped += 1
     place, base = stack_array((3,)), stack_array((3,))

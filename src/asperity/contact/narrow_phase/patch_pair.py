@@ -47,14 +47,15 @@ def _is_implicit(patch):
 def searches_a(a, b):
     """Return whether A's patch is searched: of two, the one whose height is costlier to look up.
 
-    It is the one with a map of stiffness, if either has one.
+    It is the one with a map of stiffness, if either has one. A surface that overhangs has no height
+    to look up; all its points are searched, of which the highest counts.
     """
     if a.stiffness_map >= 0 or b.stiffness_map >= 0:
         return a.stiffness_map >= 0
     if _is_implicit(a) != _is_implicit(b):
         return _is_implicit(a)
     if _is_implicit(a):
-        return True
+        return a.fold >= b.fold
     if b.texture >= 0 or a.texture >= 0:
         return b.texture < 0
     return a.bulge == 0.0

@@ -50,6 +50,13 @@ def search_candidates(textures, stride, count, guess, tolerance, memory):
 
 
 @inner_kernel
+def may_touch(result):
+    """Return whether bodies may touch though the search has found no place where they do."""
+    is_open = result.depth == -np.inf or result.depth + result.gap > 0.0
+    return result.status == BUDGET_SPENT and is_open and not result.depth > 0.0
+
+
+@inner_kernel
 def _is_same_point(one, other):
     """Return whether two ties are at one point."""
     return abs(one.point[0] - other.point[0]) + abs(one.point[1] - other.point[1]) < SAME_POINT
@@ -107,6 +114,8 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
     result_out.depth = search.incumbent
     result_out.nodes = int(search.nodes)
     if search.incumbent == -np.inf:
+        if search.upper_bound > tolerance:
+            result_out.status = BUDGET_SPENT
         return
     gap = max(search.upper_bound - search.incumbent, 0.0)
     result_out.gap = gap

@@ -12,7 +12,7 @@ import numpy as np
 PENETRATION = np.dtype(
     [
         ("depth", "f8"),  # largest overlap found [m]; -inf where nothing overlaps along n
-        ("gap", "f8"),  # upper bound of the depth less the depth [m]
+        ("gap", "f8"),  # upper bound of the depth less the depth [m]; 0 for a depth of -inf
         ("nodes", "i8"),  # boxes evaluated
         ("status", "i8"),  # CERTIFIED or BUDGET_SPENT
         ("ties", "i8"),  # points that are equally deep
@@ -117,6 +117,7 @@ PATCH = np.dtype(
         ("base_top", "f8"),  # largest z of the base within its borders [m]
         ("normal_min", "f8"),  # facets: least length of w
         ("normal_rise", "f8"),  # facets: largest z of the unit normal
+        ("fold", "f8"),  # facets: how much the texture shears it sideways, over `lateral_min`
     ],
     align=True,
 )

@@ -86,7 +86,7 @@ def file_cad() -> Scene:
             "part": {"mesh": meshes["part"], "texture": {**MACHINED, "mapping": "uv"}},
             "file": {"mesh": meshes["file"], "texture": {**TEETH, "mapping": "uv"}},
         },
-        "force": {"stiffness": 400.0, "anti_alias": "tick", "max_nodes": 1000},
+        "force": {"stiffness": 400.0, "anti_alias": "tick", "max_nodes": 4000},
         "trajectory": {
             "kind": "slide", "seconds": 2.0, "speed": 0.08, "length": STROKE, "direction": YAW,
         },

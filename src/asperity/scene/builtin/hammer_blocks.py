@@ -116,7 +116,7 @@ def hammer_blocks() -> Scene:
         "schema": 1,
         "tool": {"body": "hammer"},
         "bodies": bodies,
-        "force": {"stiffness": 400.0, "anti_alias": "tick", "max_nodes": 2000},
+        "force": {"stiffness": 400.0, "anti_alias": "tick", "max_nodes": 4000},
         "trajectory": {"kind": "slide", "seconds": 2.0, "speed": 0.05, "length": 0.5 * length},
     }
     return scene_of(xml, document, name="hammer-blocks")
