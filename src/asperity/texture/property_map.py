@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,12 +18,11 @@ from asperity.errors import (
     require_between,
     require_finite,
 )
-from asperity.texture.files.arrays import ARRAY_SUFFIXES, GREY_LEVELS
 from asperity.texture.files.checks import checked_grid, checked_pixel_size
-from asperity.texture.files.images import IMAGE_SUFFIXES
-from asperity.texture.files.reading import TEXT_SUFFIXES, load_stored
-from asperity.texture.files.stored import NO_UNIT, Stored
 from asperity.texture.sampled_map import SampledMap
+
+if TYPE_CHECKING:
+    from asperity.texture.files.stored import Stored
 
 _PAD = {"clamp": "symmetric", "wrap": "wrap"}
 
@@ -120,6 +119,11 @@ class PropertyMap(SampledMap):
         cls, path: Path, array: str | None, low: float | None, high: float | None
     ) -> tuple[Array, Stored]:
         """Return the values in a file, and what else it holds."""
+        # Here, so that an edit of a reader leaves the machine code of kernels valid.
+        from asperity.texture.files.arrays import ARRAY_SUFFIXES
+        from asperity.texture.files.images import IMAGE_SUFFIXES
+        from asperity.texture.files.reading import TEXT_SUFFIXES, load_stored
+
         suffix = path.suffix.lower()
         if suffix not in (*IMAGE_SUFFIXES, *ARRAY_SUFFIXES):
             valid = ", ".join((*IMAGE_SUFFIXES, *ARRAY_SUFFIXES))
@@ -161,4 +165,7 @@ class PropertyMap(SampledMap):
 
 def _notes_of(stored: Stored) -> tuple[str, ...]:
     """Return the notes on a file that are true of properties as they are of heights."""
+    from asperity.texture.files.arrays import GREY_LEVELS
+    from asperity.texture.files.stored import NO_UNIT
+
     return tuple(note for note in stored.notes if note not in (NO_UNIT, GREY_LEVELS))

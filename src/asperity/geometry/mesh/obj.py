@@ -16,7 +16,8 @@ from asperity._core.files import columns_of, find_named, text_of
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
 from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit, triangulated
-from asperity.geometry.mesh.materials import Material, read_mtl
+from asperity.geometry.mesh.materials import Material
+from asperity.geometry.mesh.mtl import read_mtl
 
 _KEYS = ("v", "vt", "vn")
 _REGIONS = ("usemtl ", "g ", "o ")

@@ -12,8 +12,8 @@ import numpy as np
 
 from asperity._core.units import SHORT, length_of
 from asperity.errors import SurfaceError
+from asperity.texture.files.checks import MAX_SAMPLES
 from asperity.texture.files.stored import (
-    MAX_SAMPLES,
     NO_UNIT,
     Stored,
     check_size,
