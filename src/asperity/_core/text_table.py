@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.files import content_of, encodings_of
+from asperity._core.files import encodings_of
 from asperity._core.large_tables import numbers_of
+from asperity._core.unpacking import content_of
 from asperity.errors import AsperityError
 
 _MISSING_WORDS = """

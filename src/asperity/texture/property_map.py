@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array
+from asperity._core.unpacking import suffix_of
 from asperity.errors import (
     AsperityError,
     SurfaceError,
@@ -122,9 +123,9 @@ class PropertyMap(SampledMap):
         # Here, so that an edit of a reader leaves the machine code of kernels valid.
         from asperity.texture.files.arrays import ARRAY_SUFFIXES
         from asperity.texture.files.images import IMAGE_SUFFIXES
-        from asperity.texture.files.reading import TEXT_SUFFIXES, load_stored
+        from asperity.texture.files.reading import PACKED, TEXT_SUFFIXES, load_stored
 
-        suffix = path.suffix.lower()
+        suffix = suffix_of(path, PACKED)
         if suffix not in (*IMAGE_SUFFIXES, *ARRAY_SUFFIXES):
             valid = ", ".join((*IMAGE_SUFFIXES, *ARRAY_SUFFIXES))
             raise SurfaceError(f"unknown kind of file {suffix!r} for {cls.what}; valid: {valid}")

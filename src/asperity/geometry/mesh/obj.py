@@ -13,6 +13,7 @@ import numpy as np
 
 from asperity._core.arrays import Array, Indices
 from asperity._core.files import columns_of, find_named, text_of
+from asperity._core.unpacking import content_of
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
 from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit, triangulated
@@ -41,7 +42,7 @@ def read_obj(path: Path) -> Contents:
     In a file without materials its groups, or else its objects, stand for them.
     """
     out = Contents()
-    text = _CONTINUED.sub(" ", text_of(path.read_bytes())).replace("\t", " ")
+    text = _CONTINUED.sub(" ", text_of(content_of(path))).replace("\t", " ")
     lines = text.splitlines()
     if "\n " in text or text.startswith(" "):
         lines = [line.lstrip() for line in lines]
