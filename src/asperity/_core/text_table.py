@@ -98,6 +98,8 @@ class TextTable:
     decimal: str
     columns: int
     error: type[AsperityError] = AsperityError
+    row: str = "line"
+    """What a row is in the file."""
 
     @property
     def names(self) -> tuple[str, ...] | None:
@@ -186,7 +188,7 @@ class TextTable:
             if not line.strip():
                 continue
             cells = line.split(self.separator)
-            where = f"{self.path}: line {number}"
+            where = f"{self.path}: {self.row} {number}"
             if len(cells) != self.columns:
                 raise self.error(
                     f"{where} has {len(cells)} columns, the first {self.columns}"
