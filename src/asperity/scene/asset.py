@@ -28,6 +28,7 @@ from asperity.geometry.mesh.topology import crosses
 from asperity.scene.mesh import has_area
 from asperity.texture.files.colours import unit_vectors
 from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
+from asperity.texture.files.normal_channels import normal_vectors
 
 _FLATTEST = 1e-4
 """RMS slope under which a normal map is flat."""
@@ -238,7 +239,10 @@ def range_from_normals(
         return None
     if colours.ndim != 3 or colours.shape[2] < 3:
         return None
-    vectors, heights = unit_vectors(colours)[0], heights.astype(np.float64)
+    (vectors, said), heights = normal_vectors(colours), heights.astype(np.float64)
+    if said == "-":
+        notes.append(f"the relief is not found from {normal.name}: its colours are no normals")
+        return None
     if heights.ndim == 3:
         heights = heights[..., 0]
     if np.ptp(heights) == 0.0:
