@@ -36,7 +36,8 @@ def read_mtl(path: Path, notes: list[str]) -> list[Material]:
         elif not materials:
             continue
         elif key in _MTL and len(words) > 1:
-            materials[-1] = _with_map(materials[-1], _MTL[key], line.split(None, 1)[1], path)
+            rest = line.split(None, 1)[1]
+            materials[-1] = _with_map(materials[-1], _MTL[key], rest, path, notes)
         elif key == "kd" and len(words) == 4 and all(map(is_number, words[1:])):
             colour = tuple(min(max(float(word), 0.0), 1.0) for word in words[1:])
             materials[-1] = _changed(materials[-1], colour=colour)
@@ -48,16 +49,19 @@ def _changed(material: Material, **values: object) -> Material:
     return Material(**(fields | values))
 
 
-def _with_map(material: Material, kind: str, rest: str, library: Path) -> Material:
+def _with_map(
+    material: Material, kind: str, rest: str, library: Path, notes: list[str]
+) -> Material:
     """Return a material with the map that the rest of a line names, after its options."""
     words = rest.split()
     given: dict[str, list[float]] = {}
-    at, clamped = 0, False
+    at, clamped, channel = 0, False, ""
     while at < len(words) - 1 and words[at].startswith("-"):
         option = words[at].lower()
         at += 1
         if option in _WORDS:
             clamped |= option == "-clamp" and words[at].lower() == "on"
+            channel = f"-imfchan {words[at]}" if option == "-imfchan" else channel
             at += 1
         for _ in range(_NUMBERS.get(option, 0)):
             if at >= len(words) - 1 or not is_number(words[at]):
@@ -74,7 +78,7 @@ def _with_map(material: Material, kind: str, rest: str, library: Path) -> Materi
     if behind is not None and not path.is_file():  # options and comments behind it
         options = behind.group().strip()
         before = f"{options} " if options.startswith("-") else ""
-        return _with_map(material, kind, before + name[: behind.start()], library)
+        return _with_map(material, kind, before + name[: behind.start()], library, notes)
     border = "clamp" if clamped else "wrap"
     picture = MapImage(path, Path(name.replace("\\", "/")).name, border=border)
     if kind == "displacement" and len(given.get("-mm", [])) == 2:
@@ -82,6 +86,11 @@ def _with_map(material: Material, kind: str, rest: str, library: Path) -> Materi
         picture = picture._replace(height_range=gain, low=low)
     if kind in ("normal", "bump") and "-bm" in given:  # a bump map may be one of normals
         picture = picture._replace(scale=given["-bm"][0])
+    ignored = [channel, "-t" if any(given.get("-t", [])) else ""]
+    ignored.append("-mm" if "-mm" in given and picture.height_range is None else "")
+    if kind in FELT and any(ignored):
+        options = ", ".join(filter(None, ignored))
+        notes.append(f"{picture.name}: its options {options} change what is felt, and are not used")
     placing = material.placing
     if kind in FELT and (kind == material.felt or material.felt is None):
         scale = tuple((*given.get("-s", []), 1.0, 1.0)[:2])
