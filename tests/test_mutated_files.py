@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import io
+import json
 import re
 import resource
 import struct
@@ -161,6 +162,7 @@ FRAMES = np.column_stack([np.arange(9), np.zeros(9), np.tile([0, 0, 0, 1, 5, 6, 
 CLOCK = "".join(f"2024-01-10T10:31:0{k}.25,0,0,0.1,1,0,0,0\n" for k in range(9))
 ANGLES = "time,x,y,z,roll [deg],pitch [deg],yaw [deg]\n"
 MATRICES = np.insert(np.tile(np.eye(4)[:3], (9, 1, 1)).reshape(9, 12), 0, np.arange(9), axis=1)
+RECORDS = json.dumps([{"t": p[0], "position": p[1:4], "q": p[4:]} for p in POSES.tolist()])
 POSE_FILES = {
     "angles.csv": (ANGLES + text(POSES[:, :7])).encode(),
     "vectors.csv": ("t,x,y,z,rx,ry,rz\n" + text(0.1 * POSES[:, :7])).encode(),
@@ -170,6 +172,16 @@ POSE_FILES = {
     "head.csv": ("time,x [mm],y [mm],z [mm],qw,qx,qy,qz\n" + text(POSES)).encode(),
     "tum.txt": ("# timestamp tx ty tz qx qy qz qw\n" + text(POSES, " ")).encode("utf-16"),
     "bare.csv": text(POSES, ";").replace(".", ",").encode(),
+    "records.json": RECORDS.encode(),
+    "records.jsonl": RECORDS[1:-1].replace("}, ", "}\n").encode(),
+    "lists.json": json.dumps(
+        {
+            "t": POSES[:, 0].tolist(),
+            "position": POSES[:, 1:4].tolist(),
+            "quaternion": POSES[:, 4:].tolist(),
+            "unit": "mm",
+        }
+    ).encode(),
     "a.npy": saved(np.save, POSES),
     "a.npz": saved(np.savez, times=POSES[:, 0], poses=POSES[:, 1:]),
     "named.npz": saved(np.savez, t=POSES[:, 0], pos=POSES[:, 1:4], quat=POSES[:, 4:]),

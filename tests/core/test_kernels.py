@@ -1,5 +1,6 @@
 """The compile cache must never return machine code of older sources."""
 
+import ast
 import os
 import shutil
 import subprocess
@@ -126,6 +127,66 @@ def test_an_edit_compiles_anew_only_what_stands_on_it(monkeypatch):
     after = [compiled.source_hash(file) for file in (bound, tick, spline)]
     compiled.source_hash.cache_clear()
     assert [a != b for a, b in zip(after, before, strict=True)] == [True, True, False]
+
+
+def imports_for_itself(node):
+    """Whether a function imports from the package when it is called."""
+    return isinstance(node, ast.FunctionDef) and any(
+        isinstance(part, ast.ImportFrom) and (part.module or "").startswith("asperity")
+        for part in ast.walk(node)
+    )
+
+
+def test_what_functions_import_for_themselves_is_in_no_kernel():
+    """The hash of a module's kernels leaves it out: so no kernel may be made within a function, \
+nor may a module's constant come of a function that imports."""
+    for file in SOURCES.rglob("*.py"):
+        tree = ast.parse(file.read_text("utf-8"))
+        for node in ast.walk(tree):
+            inner = ast.walk(node) if isinstance(node, ast.FunctionDef) else ()
+            for part in inner:
+                marks = part.decorator_list if isinstance(part, ast.FunctionDef) else ()
+                names = [ast.unparse(mark) for mark in marks] if part is not node else []
+                assert not any(name.endswith("kernel") for name in names), (file, part.name)
+        own = {node.name for node in ast.walk(tree) if imports_for_itself(node)}
+        for statement in tree.body:
+            if isinstance(statement, ast.FunctionDef | ast.ClassDef):
+                continue
+            typed = isinstance(statement, ast.If) and ast.unparse(statement.test) == "TYPE_CHECKING"
+            for part in ast.walk(statement):
+                called = part.func if isinstance(part, ast.Call) else None
+                assert not (isinstance(called, ast.Name) and called.id in own), (file, called.id)
+                hidden = isinstance(part, ast.ImportFrom) and part is not statement and not typed
+                assert not (hidden and (part.module or "").startswith("asperity")), file
+
+
+def test_an_edit_of_a_reader_of_files_leaves_the_kernels_of_contact_valid(monkeypatch):
+    import asperity._core.kernels as compiled
+
+    kernels = [
+        file for file in SOURCES.rglob("*.py")
+        if file.parent.name != "files" and "studies" not in file.parts
+        and "kernel\ndef " in file.read_text("utf-8")
+    ]  # fmt: skip
+    assert len(kernels) > 100
+    readers = {
+        *(SOURCES / "texture" / "files").glob("*.py"), SOURCES / "scene" / "trajectory_file.py",
+        *(SOURCES / "geometry" / "mesh" / f"{name}.py" for name in ("files", "obj", "ply", "stl")),
+        SOURCES / "_core" / "files.py", SOURCES / "_core" / "text_table.py",
+    } - {SOURCES / "texture" / "files" / "checks.py"}  # fmt: skip
+    compiled.source_hash.cache_clear()
+    before = [compiled.source_hash(file) for file in kernels]
+    seen = compiled._source
+
+    def edited(path):
+        digest, imports = seen(path)
+        return (digest[::-1] if path in readers else digest), imports
+
+    monkeypatch.setattr(compiled, "_source", edited)
+    compiled.source_hash.cache_clear()
+    after = [compiled.source_hash(file) for file in kernels]
+    compiled.source_hash.cache_clear()
+    assert after == before
 
 
 def test_child_processes_share_the_parents_folder():

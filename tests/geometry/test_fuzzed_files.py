@@ -2,6 +2,7 @@
 
 import base64
 import gzip
+import io
 import json
 import re
 import resource
@@ -9,6 +10,7 @@ import struct
 import time
 import tomllib
 import warnings
+import zipfile
 
 import numpy as np
 import pytest
@@ -44,7 +46,8 @@ def text_stl():
 
 def obj():
     text = "mtllib a.mtl\n" + "".join(f"v {line}\n" for line in rows(POINTS).splitlines())
-    text += "vt 0 0\nvt 1 0\nvt 0 1\nusemtl a\n"
+    # A small part of the texture: to count what overlaps on it takes longer than to read.
+    text += "vt 0 0\nvt 0.1 0\nvt 0 0.1\nusemtl a\n"
     return (text + "".join("f {}/1 {}/2 {}/-1\n".format(*(f + 1)) for f in FACES)).encode()
 
 
@@ -57,6 +60,20 @@ def ply(form):
     order = "<" if "little" in form else ">"
     data = b"".join(struct.pack(f"{order}B3i", 3, *face) for face in FACES)
     return head.encode() + POINTS.astype(order + "f4").tobytes() + data
+
+
+def off():
+    faces = np.column_stack([np.full(30, 3), FACES])
+    return (f"COFF # a\n40 {len(FACES)} 0\n" + rows(np.column_stack([POINTS, POINTS]))
+            + rows(faces, "{}")).encode()  # fmt: skip
+
+
+def zipped():
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("in/a.mtl", "newmtl a\ndisp a.png\n")
+        archive.writestr("in/a.obj", obj())
+    return stream.getvalue()
 
 
 def glb(*, binary=True):
@@ -161,6 +178,8 @@ FILES = {
     "little.ply": (read_mesh, lambda: ply("binary_little_endian")),
     "big.ply": (read_mesh, lambda: ply("binary_big_endian")), "a.glb": (read_mesh, glb),
     "a.gltf": (read_mesh, lambda: glb(binary=False)),
+    "a.off": (read_mesh, off), "a.zip": (read_mesh, zipped),
+    "a.stl.gz": (read_mesh, lambda: gzip.compress(stl())),
     "a.xyz": (read_points, lambda: rows(POINTS).encode()),
     "named.csv": (read_points, lambda: b"x;y;z\n" + rows(POINTS).replace(" ", ";").encode()),
     "points.ply": (read_points, lambda: ply("ascii")),

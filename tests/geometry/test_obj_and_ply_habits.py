@@ -48,6 +48,28 @@ def test_vertices_of_an_obj_are_divided_by_their_weights(tmp_path: Path) -> None
         read_mesh(path)
 
 
+@pytest.mark.parametrize(
+    "form", ["{:g}  {:g} {:g} {:g}", " {:g} {:g} {:g} {:g} ", "{:g}\t{:g} {:g} {:g}"]
+)
+def test_one_vertex_among_others_is_divided_by_its_weight(tmp_path: Path, form: str) -> None:
+    path = tmp_path / "a.obj"
+    rows = ["{:g} {:g} {:g}".format(*c) for c in CORNERS]
+    rows[5] = form.format(*(2.0 * CORNERS[5]), 2.0)
+    path.write_text(obj(rows))
+    mesh = read_mesh(path)
+    is_box(mesh)
+    assert any("1 vertex divided by a weight" in note for note in mesh.notes)
+
+
+def test_what_an_obj_calls_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.obj"
+    rows = ["{:g} {:g} {:g}".format(*c) for c in CORNERS]
+    path.write_text(obj(rows, "call more.obj 1 2\ncsh -rm all\n"))
+    mesh = read_mesh(path)
+    is_box(mesh)
+    assert "what it calls is not read: more.obj 1 2, -rm all" in mesh.notes
+
+
 def test_a_polygon_of_two_corners_takes_no_texture_from_others(tmp_path: Path) -> None:
     path = tmp_path / "a.obj"
     path.write_text(obj(["{:g} {:g} {:g}".format(*c) for c in CORNERS], "f 1 2\nf 3\n"))

@@ -88,6 +88,24 @@ def test_the_map_of_a_material_is_felt(tile, line, kinds, relief):
     assert across < 0.1 * along
 
 
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("-t 0.5 0 0", "-t"),
+        ("-imfchan g", "-imfchan g"),
+        ("-mm 0 2 -t 1 1 1", "-t, -mm"),
+        ("-t 0 0 0", ""),
+        ("-boost 2 -cc off -texres 512", ""),
+    ],
+)
+def test_options_that_change_the_relief_and_are_not_used_are_noted(tile, options, said):
+    note = f"tile_Displacement.png: its options {said} change what is felt, and are not used"
+    for line in (f"bump {options} tile_Displacement.png", f"bump tile_Displacement.png {options}"):
+        scene = asperity.make_scene(tool="sphere:3mm", target=tile([line], ["Displacement"]))
+        assert noted(scene, note) if said else not noted(scene, "its options")
+        assert target_of(scene).texture.relief == pytest.approx(200e-6, rel=0.01)
+
+
 def test_the_strength_of_normals_that_stand_for_bumps_is_noted(tile):
     mesh = tile(["map_Bump -bm 0.5 tile_NormalGL.png"], ["NormalGL"])
     scene = asperity.make_scene(tool="sphere:3mm", target=mesh)

@@ -238,6 +238,18 @@ def test_packed_text_is_read(tmp_path: Path, name: str, encoding: str) -> None:
     same(read_heights(tmp_path / name))
 
 
+def test_a_packed_array_is_read(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", TOP)
+    data = (tmp_path / "a.npy").read_bytes()
+    (tmp_path / "a.npy.gz").write_bytes(gzip.compress(data))
+    plain, packed = (read_heights(tmp_path / f"a.npy{e}", pixel_size=STEP) for e in ("", ".gz"))
+    assert (plain.samples == packed.samples).all()
+    assert plain.notes == packed.notes
+    (tmp_path / "a.npy.gz").write_bytes(gzip.compress(data[:-8]))
+    with pytest.raises(SurfaceError, match=r"cannot be read as a \.npy file: damaged"):
+        read_heights(tmp_path / "a.npy.gz", pixel_size=STEP)
+
+
 def test_packed_text_that_is_damaged_or_too_large_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.txt.gz"
     packed = gzip.compress(rows(TOP).encode())

@@ -108,7 +108,7 @@ def test_too_many_bytes_are_refused(kept, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "content", "why"),
     [
-        ("a.gltx", b"{}", r"is no mesh; valid: \.stl, \.obj, \.ply, \.glb, \.gltf, \.3mf"),
+        ("a.gltx", b"{}", r"is no mesh; valid: \.stl, \.obj, \.ply, \.off, \.glb, \.gltf, \.3mf"),
         ("a.gltf", b"{", "is not a .gltf file"),
         ("a.gltf", b'{"buffers": [{"uri": "a.bin"}]}', "refers to other files"),
         ("a.3mf", b"PK", "is not a .3mf file"),
@@ -117,6 +117,7 @@ def test_too_many_bytes_are_refused(kept, monkeypatch):
         ("a.3mf", threemf(0), r"^a\.3mf.*"),
         ("a.stl", stl(1, said=10**9), "1000000000 triangles; valid: 200000 at most"),
         ("a.obj", b"f 1 2 3\n" * 200_001, "200001 triangles"),
+        ("a.off", b"OFF 3 1 0\n" + b"3 0 1 2\n" * 200_001, "200001 triangles"),
         ("a.ply", b"ply\nelement face 999999\nend_header\n", "999999 triangles"),
         ("a.glb", glb({"buffers": [{"uri": "/etc/passwd"}]}), "refers to other files"),
         ("a.glb", b"glTF", "is not a .glb file"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import codecs
 import stat
 import struct
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,20 +13,18 @@ from typing import NoReturn
 import numpy as np
 
 from asperity._core.arrays import Array
+from asperity._core.unpacking import suffix_of
 from asperity.errors import AsperityError
 
 _INSIDE = (
-    ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, UnicodeError,
+    ArithmeticError, AttributeError, EOFError, LookupError, RecursionError, TypeError, UnicodeError,
     struct.error,
 )  # fmt: skip
 """Exceptions of readers whose words are about their own insides."""
 
 
-MOST_UNPACKED = 2**28
-"""Bytes that a packed text may have, unpacked."""
 _LFS, _POINTER = b"version https://git-lfs.github.com/spec/", 1024
 """How a file begins that stands for one that was not fetched, and its largest size [bytes]."""
-_GZIP = b"\x1f\x8b"
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),
@@ -37,41 +34,6 @@ _MARKS = (
 )
 _ZEROS = 0.6
 """Share of every second byte that is zero in a Western text of UTF-16, at least."""
-
-
-def content_of(path: Path, most: int | None = None) -> bytes:
-    """Return the bytes of a file, or the first `most` of them; unpacked if gzip packed them.
-
-    Raises
-    ------
-    AsperityError
-        A packed file that is damaged, or larger than `MOST_UNPACKED` when unpacked.
-    """
-    with path.open("rb") as file:
-        if file.read(2) != _GZIP:
-            file.seek(0)
-            return file.read() if most is None else file.read(most)
-        file.seek(0)
-        unpack = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)
-        try:
-            data = unpack.decompress(file.read(), most or MOST_UNPACKED)
-        except zlib.error:
-            raise AsperityError(f"{path}: it is damaged: gzip cannot unpack it") from None
-    if most is None and not unpack.eof:
-        why = (
-            f"has more than {MOST_UNPACKED >> 20} MiB" if unpack.unconsumed_tail else "is cut short"
-        )
-        raise AsperityError(f"{path}: unpacked it {why}; valid: a file that is not packed")
-    return data
-
-
-def suffix_of(path: Path, packed: Sequence[str] = ()) -> str:
-    """Return the suffix of a file in lower case; behind it `.gz` is left out of those `packed`."""
-    suffix = path.suffix.lower()
-    if suffix != ".gz":
-        return suffix
-    inner = Path(path.stem).suffix.lower()
-    return inner if inner in packed else suffix
 
 
 def encodings_of(data: bytes) -> tuple[str, ...]:

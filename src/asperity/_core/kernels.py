@@ -4,7 +4,9 @@ Numba's disk cache keys a compiled function by the source of *its own* file: edi
 that it calls in another file and the cache silently returns the old machine code, with wrong
 numbers. So every module of kernels has its own cache folder, named by a hash of its source
 and of all that it imports from the package, directly or not. An edit compiles anew what stands
-on it, and nothing else.
+on it, and nothing else. What a function imports for itself, as the readers of files, and what is
+imported for types alone does not count: kernels stand at the top of their modules
+(`tests/core/test_kernels.py`), and see only what is imported there.
 
 A kernel may be handed a structure (a `NamedTuple`) without importing it. Machine code knows its
 fields by their numbers alone, and the cache finds it by its name and place. So the names of all
@@ -27,7 +29,7 @@ from typing import Any, TypeVar
 _PACKAGE = Path(__file__).parents[1]
 _PREFIX = "asperity-"
 _IMPORT = re.compile(
-    r"^[ \t]*(?:from[ ]asperity(?P<of>[\w.]*)[ ]import[ ](?P<names>\([^)]*\)|[^\n#]*)"
+    r"^(?:from[ ]asperity(?P<of>[\w.]*)[ ]import[ ](?P<names>\([^)]*\)|[^\n#]*)"
     r"|import[ ]asperity(?P<module>[\w.]*))",
     re.MULTILINE,
 )

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.files import content_of, encodings_of
+from asperity._core.files import encodings_of
 from asperity._core.large_tables import numbers_of
+from asperity._core.unpacking import content_of
 from asperity.errors import AsperityError
 
 _MISSING_WORDS = """
@@ -97,6 +98,8 @@ class TextTable:
     decimal: str
     columns: int
     error: type[AsperityError] = AsperityError
+    row: str = "line"
+    """What a row is in the file."""
 
     @property
     def names(self) -> tuple[str, ...] | None:
@@ -185,7 +188,7 @@ class TextTable:
             if not line.strip():
                 continue
             cells = line.split(self.separator)
-            where = f"{self.path}: line {number}"
+            where = f"{self.path}: {self.row} {number}"
             if len(cells) != self.columns:
                 raise self.error(
                     f"{where} has {len(cells)} columns, the first {self.columns}"

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
+from asperity._core.unpacking import content_of
 from asperity.errors import AsperityError
 
 _TYPES = {"F": "f", "I": "i", "U": "u"}
@@ -24,7 +25,7 @@ def read_pcd(path: Path) -> Array:
     AsperityError
         A file that is damaged or cut short; one line.
     """
-    data = path.read_bytes()
+    data = content_of(path)
     match = re.search(rb"^\s*DATA\s+(\w+)[ \t]*\r?\n", data, re.MULTILINE)
     if match is None:
         raise AsperityError(f"{path}: cannot be read as a .pcd file: its head has no line DATA")

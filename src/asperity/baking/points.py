@@ -16,10 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.files import columns_of, content_of, reading, text_of
+from asperity._core.files import columns_of, reading, text_of
 from asperity._core.large_tables import numbers_of
 from asperity._core.text_table import is_number, without_groups
 from asperity._core.units import LENGTHS, named_unit
+from asperity._core.unpacking import content_of
 from asperity.baking.pcd import read_pcd
 from asperity.baking.ptx import read_ptx
 from asperity.errors import AsperityError
@@ -31,7 +32,7 @@ from asperity.scene.pose_columns import meaning_of
 POINTS = (".xyz", ".pts", ".ptx", ".pcd", ".las", ".laz")
 TEXTS = (".asc", ".txt", ".csv", ".dat", ".tsv")
 """Of text that may be points or a map of heights."""
-PACKED = (*POINTS[:3], *TEXTS)
+PACKED = (*POINTS[:4], ".ply", *TEXTS)
 """Suffixes that may have `.gz` behind them."""
 FEWEST = 16
 _FEW, _LONG = 9, 16

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.files import columns_of, content_of, text_of
+from asperity._core.files import columns_of, text_of
+from asperity._core.unpacking import content_of
 from asperity.errors import AsperityError
 
 _PLACE, _MATRIX = slice(0, 10), slice(6, 10)

@@ -13,17 +13,19 @@ from typing import Any
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.files import suffix_of
+from asperity._core.unpacking import suffix_of
 from asperity.baking.points import PACKED, POINTS, TEXTS, holds_points
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import LARGEST, SMALLEST, UNITS
 from asperity.geometry.mesh.contents import Contents
+from asperity.geometry.mesh.files import PACKED as PACKED_MESHES
 from asperity.geometry.mesh.files import SUFFIXES, mesh_of, read_contents
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.geometry.mesh.ply import read_head
 from asperity.texture.files.arrays import ARRAY_SUFFIXES
 from asperity.texture.files.images import IMAGE_SUFFIXES
 from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES
+from asperity.texture.files.reading import PACKED as PACKED_HEIGHTS
 
 HAND = (5e-3, 0.5)
 """Smallest and largest extent of a hand-held object [m], for guessing the unit."""
@@ -32,7 +34,7 @@ _GUESSES = ("m", "mm", "cm", "in", "um", "dm")
 
 def kind_of(path: Path) -> str:
     """Return "mesh", "points" or "heights", the kind of a file; refuse others."""
-    suffix = suffix_of(path, (*PACKED, ".tsv"))
+    suffix = suffix_of(path, (*PACKED, *PACKED_HEIGHTS, *PACKED_MESHES))
     if not path.exists():
         raise AsperityError(f"{path}: there is no such file")
     if path.is_dir():

@@ -6,13 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from asperity._core.unpacking import suffix_of
 from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
     from asperity.scene.scene import Scene
     from asperity.scene.trajectory import ScriptedMotion, Trajectory
 
-POSE_FILES = (".csv", ".txt", ".tsv", ".tum", ".npy", ".npz")
+POSE_FILES = (".csv", ".txt", ".tsv", ".tum", ".json", ".jsonl", ".ndjson", ".npy", ".npz")
 
 
 def motion_of(
@@ -39,7 +40,7 @@ def motion_of(
     given = {name: value for name, value in changes.items() if value is not None}
     if kind is not None and kind not in KINDS:
         table = file_table(kind)
-        if Path(table["file"]).suffix.lower() in POSE_FILES:
+        if suffix_of(Path(table["file"]), POSE_FILES) in POSE_FILES:
             if given:
                 raise AsperityError(
                     f"{option} {kind} is a file of poses, which fixes {', '.join(given)}; "
@@ -47,7 +48,7 @@ def motion_of(
                 )
             rest = {key: value for key, value in table.items() if key != "file"}
             return read_poses(table["file"], **arguments(rest, option, read_poses))
-        require_choice(option, kind, [*KINDS, "FILE.csv, .npy or .npz"])
+        require_choice(option, kind, [*KINDS, "FILE.csv, .json, .npy or .npz"])
     motion = scene.motion
     if not isinstance(motion, ScriptedMotion):
         if kind is None and not given:

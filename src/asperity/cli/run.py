@@ -67,8 +67,8 @@ class RunCommand:
     target_relief_mm: Annotated[float | None, Range(1e-6, 100.0, "mm")] = None
     """Peak-to-valley height of the target's texture. Default: the file's, or 0.2."""
     trajectory: str | None = None
-    """slide, circle, press-and-slide, rotate, or a file of poses (.csv, .npy, .npz), also with
-    options: poses.csv:unit=mm."""
+    """slide, circle, press-and-slide, rotate, or a file of poses (.csv, .json, .npy, .npz), also
+    with options: poses.csv:unit=mm."""
     order: str | None = None
     """Order of a file of poses without names: wxyz, xyzw, rotvec, rpy, matrix, matrix-columns."""
     seconds: Annotated[float | None, Range(0.01, 3600.0, "s")] = None

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from asperity._core.arrays import Array
 from asperity._core.files import reading
 from asperity._core.kernels import cache_folder
+from asperity._core.unpacking import stem_and_ending
 from asperity.errors import AsperityError
+from asperity.geometry.mesh.files import mesh_file
 from asperity.geometry.mesh.map_names import maps_by_name
 from asperity.geometry.mesh.materials import FELT, SEEN, MapImage, Material
 from asperity.geometry.mesh.mesh import Mesh
@@ -26,6 +28,7 @@ from asperity.geometry.mesh.topology import crosses
 from asperity.scene.mesh import has_area
 from asperity.texture.files.colours import unit_vectors
 from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
+from asperity.texture.files.normal_channels import normal_vectors
 
 _FLATTEST = 1e-4
 """RMS slope under which a normal map is flat."""
@@ -46,18 +49,19 @@ def own_textures(
     notes : list of str
         Gets notes on what is used and what is not.
     """
-    files = list(path.parent.iterdir())
+    path = mesh_file(path)
+    files, stem = list(path.parent.iterdir()), stem_and_ending(path)[0]
     found = {
         material.name: dict(material.maps) if material.felt else _beside(files, material)
         for material in mesh.materials
     }
     found = {name: maps for name, maps in found.items() if any(kind in maps for kind in FELT)}
     if not found:
-        maps = maps_by_name(files, path.stem)
+        maps = maps_by_name(files, stem)
         found = {"": maps} if any(kind in maps for kind in FELT) else {}
     elif len(mesh.materials) == 1 and mesh.material is not None and mesh.material.min() >= 0:
         found = {"": next(iter(found.values()))}
-    if not found and (unused := _unused(files, path, mesh)):
+    if not found and (unused := _unused(files, stem, mesh)):
         notes.append(f"pictures beside it that are not used: {', '.join(unused)[:160]}")
     if mesh.uv is None and found:
         names = [picture.name for maps in found.values() for picture in maps.values()]
@@ -85,14 +89,14 @@ def own_textures(
     return out
 
 
-def _unused(files: list[Path], path: Path, mesh: Mesh) -> list[str]:
+def _unused(files: list[Path], stem: str, mesh: Mesh) -> list[str]:
     """Return the pictures beside a mesh with its name in theirs that no material names."""
     named = {m.name for material in mesh.materials for m in material.maps.values()}
     return [
         file.name
         for file in sorted(files)
         if file.suffix.lower() in IMAGE_SUFFIXES
-        and path.stem.lower() in file.stem.lower()
+        and stem.lower() in file.stem.lower()
         and file.name not in named
     ]
 
@@ -235,7 +239,10 @@ def range_from_normals(
         return None
     if colours.ndim != 3 or colours.shape[2] < 3:
         return None
-    vectors, heights = unit_vectors(colours)[0], heights.astype(np.float64)
+    (vectors, said), heights = normal_vectors(colours), heights.astype(np.float64)
+    if said == "-":
+        notes.append(f"the relief is not found from {normal.name}: its colours are no normals")
+        return None
     if heights.ndim == 3:
         heights = heights[..., 0]
     if np.ptp(heights) == 0.0:

@@ -69,7 +69,7 @@ def _by_names(
     notes: list[str] = []
     for name, values in arrays.items():
         if values.ndim and len(values) == count > 0 and values.dtype.kind in "uif":
-            own = [*_names_of(name, values.shape[1:], notes)]
+            own = [*names_of(name, values.shape[1:], notes)]
             names += own
             columns += [*_numbers(path, values).reshape(count, -1).T] if own else []
     if not columns:
@@ -78,7 +78,7 @@ def _by_names(
     return tuple(names), np.stack(columns, axis=1), tuple(notes)
 
 
-def _names_of(name: str, shape: tuple[int, ...], notes: list[str]) -> Iterator[str]:
+def names_of(name: str, shape: tuple[int, ...], notes: list[str]) -> Iterator[str]:
     """Yield the names of an array's columns; none for a shape that is of no pose."""
     unit = next(filter(None, (named_unit(name, u) for u in (LENGTHS, ANGLES, TIMES))), None)
     word = unit[0] if unit else ""

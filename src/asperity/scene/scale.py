@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from asperity._core.unpacking import suffix_of
 from asperity.geometry.bodies import Body
 from asperity.geometry.mesh.checks import length
+from asperity.geometry.mesh.files import PACKED
 from asperity.scene.document import Table
 from asperity.scene.scene import Scene
 
@@ -55,7 +57,7 @@ def _unit(body: Body, table: Table) -> str:
     assert body.mesh is not None
     if "unit" in table:
         return f"{GIVEN}: unit {table['unit']}"
-    if Path(table["file"]).suffix.lower() in (".glb", ".gltf"):
+    if suffix_of(Path(table["file"]), PACKED) in (".glb", ".gltf"):
         return f"{READ}: glTF is in m"
     stated = next((note for note in body.mesh.notes if note.startswith("its unit is ")), "")
     if stated:

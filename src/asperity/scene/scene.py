@@ -41,6 +41,7 @@ import mujoco
 
 from asperity._core.arrays import Array
 from asperity._core.output import result_folder
+from asperity._core.unpacking import stem_and_ending
 from asperity.contact.deformable.elastic_solid import ElasticSolid
 from asperity.contact.response.settings import ForceSettings
 from asperity.contact.soft.skin import SoftSkin
@@ -393,7 +394,7 @@ def _notes(body: Body) -> tuple[str, ...]:
 
 
 def _free_name(folder: Path, source: Path) -> str:
-    name, count = source.name, 1
+    (stem, ending), name, count = stem_and_ending(source), source.name, 1
     while (folder / name).exists():
-        name, count = f"{source.stem}-{count}{source.suffix}", count + 1
+        name, count = f"{stem}-{count}{ending}", count + 1
     return name

@@ -13,11 +13,13 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity._core.text_table import TextTable, read_text_table
 from asperity._core.units import ANGLES, LENGTHS, TIMES
+from asperity._core.unpacking import suffix_of
 from asperity.errors import AsperityError, require_choice, require_positive
 from asperity.scene.clock_times import in_seconds
 from asperity.scene.pose_arrays import array_columns
 from asperity.scene.pose_columns import COLUMNS, MATRICES, ORDERS, Layout, layout_in_order
 from asperity.scene.pose_doubts import pose_doubts
+from asperity.scene.pose_json import JSON_FILES, json_table
 from asperity.scene.pose_names import named_columns, named_layout
 from asperity.scene.pose_turns import CONVENTIONS, are_blocks, in_quaternions, matrix_layout
 from asperity.scene.trajectory import Trajectory
@@ -62,16 +64,16 @@ def read_poses(
     angle_unit: str | None = None,
     rate_hz: float | None = None,
 ) -> Trajectory:
-    """Return a trajectory from a text file, or from `.npy` or `.npz`.
+    """Return a trajectory from a text file, from JSON, or from `.npy` or `.npz`.
 
     Text: a row a pose, separated by commas, semicolons, tabs or spaces. A line above the rows, or
     behind #, names the columns, in any order: time, x, y, z, qw, qx, qy, qz, also as `tx`,
     `pos_x`, `field.pose.orientation.w` and the like, with units (`x [mm]`, `time_ms`); instead of
     the quaternion also roll, pitch, yaw, or rx, ry, rz, or the entries of a matrix (`m00`). Without
     names the order is the first, and a note states it; 12 or 16 numbers are matrices (3, 4) or
-    (4, 4) if they are rotations, as KITTI writes them, a time before them or not. `.npy`: an array
-    of these columns, or (n, 3, 4), (n, 4, 4). `.npz`: arrays `times` (n,) and `poses` (n, 7), or
-    matrices.
+    (4, 4) if they are rotations, as KITTI writes them, a time before them or not. JSON: records
+    with these names, or lists by them (`asperity.scene.pose_json`). `.npy`: an array of these
+    columns, or (n, 3, 4), (n, 4, 4). `.npz`: arrays `times` (n,) and `poses` (n, 7), or matrices.
 
     Parameters
     ----------
@@ -108,7 +110,7 @@ def read_poses(
     if not path.exists():
         raise AsperityError(f"no such file of poses: {path}")
     if path.is_dir():
-        raise AsperityError(f"{path} is a folder; give a file of poses (.csv, .npy, .npz)")
+        raise AsperityError(f"{path} is a folder; give a file of poses (.csv, .json, .npy, .npz)")
     lengths = None if unit is None else LENGTHS[require_choice("unit", unit, UNITS)]
     times = None if time_unit is None else TIMES[require_choice("time_unit", time_unit, TIME_UNITS)]
     if angles is not None:
@@ -254,8 +256,13 @@ def _timed(
 
 
 def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
-    text, note = in_seconds(read_text_table(path, texts=True))
-    origins = tuple(map("line {}".format, text.rows_at()))
+    said: tuple[str, ...] = ()
+    if suffix_of(path, JSON_FILES) in JSON_FILES:
+        read, said = json_table(path)
+    else:
+        read = read_text_table(path, texts=True)
+    text, note = in_seconds(read)
+    origins = tuple(map(f"{text.row} {{}}".format, text.rows_at()))
     names = text.names
     notes: tuple[str, ...] = ()
     shown = ""
@@ -274,7 +281,7 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
         elif layout.left_out:
             notes = (f"columns left out: {', '.join(layout.left_out)[:120]}",)
         values = text.values([at for at in layout.places if at >= 0])
-    notes = (*notes, note) if note else notes
+    notes = (*said, *notes, note) if note else (*said, *notes)
     layout = _units_above(text, layout)
     if names is None:
         values = _chosen(values, layout)

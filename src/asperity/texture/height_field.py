@@ -28,8 +28,6 @@ from asperity.texture.files.checks import (
     checked_places,
     checked_samples,
 )
-from asperity.texture.files.doubts import DOUBT, doubts
-from asperity.texture.files.reading import read_heights
 from asperity.texture.sampled_map import BORDERS, SampledMap
 from asperity.texture.spectrum import Spectrum
 from asperity.texture.spline import evaluate_2d, spline_coefficients
@@ -130,6 +128,10 @@ class HeightField(SampledMap):
         SurfaceError
             A file that cannot be used; one line that names the file and what is valid.
         """
+        # Here, so that an edit of a reader leaves the machine code of kernels valid.
+        from asperity.texture.files.doubts import DOUBT, doubts
+        from asperity.texture.files.reading import read_heights
+
         require_choice("border", border, BORDERS)
         require_choice("kind", kind, KINDS)
         if size is not None:

@@ -6,24 +6,24 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array
+from asperity._core.unpacking import suffix_of
 from asperity.errors import (
     AsperityError,
     SurfaceError,
     require_between,
     require_finite,
 )
-from asperity.texture.files.arrays import ARRAY_SUFFIXES, GREY_LEVELS
 from asperity.texture.files.checks import checked_grid, checked_pixel_size
-from asperity.texture.files.images import IMAGE_SUFFIXES
-from asperity.texture.files.reading import TEXT_SUFFIXES, load_stored
-from asperity.texture.files.stored import NO_UNIT, Stored
 from asperity.texture.sampled_map import SampledMap
+
+if TYPE_CHECKING:
+    from asperity.texture.files.stored import Stored
 
 _PAD = {"clamp": "symmetric", "wrap": "wrap"}
 
@@ -120,7 +120,12 @@ class PropertyMap(SampledMap):
         cls, path: Path, array: str | None, low: float | None, high: float | None
     ) -> tuple[Array, Stored]:
         """Return the values in a file, and what else it holds."""
-        suffix = path.suffix.lower()
+        # Here, so that an edit of a reader leaves the machine code of kernels valid.
+        from asperity.texture.files.arrays import ARRAY_SUFFIXES
+        from asperity.texture.files.images import IMAGE_SUFFIXES
+        from asperity.texture.files.reading import PACKED, TEXT_SUFFIXES, load_stored
+
+        suffix = suffix_of(path, PACKED)
         if suffix not in (*IMAGE_SUFFIXES, *ARRAY_SUFFIXES):
             valid = ", ".join((*IMAGE_SUFFIXES, *ARRAY_SUFFIXES))
             raise SurfaceError(f"unknown kind of file {suffix!r} for {cls.what}; valid: {valid}")
@@ -161,4 +166,7 @@ class PropertyMap(SampledMap):
 
 def _notes_of(stored: Stored) -> tuple[str, ...]:
     """Return the notes on a file that are true of properties as they are of heights."""
+    from asperity.texture.files.arrays import GREY_LEVELS
+    from asperity.texture.files.stored import NO_UNIT
+
     return tuple(note for note in stored.notes if note not in (NO_UNIT, GREY_LEVELS))

@@ -1,4 +1,4 @@
-"""Meshes from files: OBJ, GLB, glTF, PLY, STL, 3MF and USD.
+"""Meshes from files: OBJ, GLB, glTF, PLY, STL, OFF, 3MF and USD, some of them packed.
 
 Vertices are neither merged nor reordered, so texture coordinates stay with their corners; normals
 are those of the file; parts of a scene are placed by their transforms. What a file states of itself
@@ -16,6 +16,7 @@ import numpy as np
 
 from asperity._core.arrays import Array, Indices
 from asperity._core.files import find_named, reading, text_of
+from asperity._core.unpacking import content_of, stem_and_ending, suffix_of, unzipped
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import UNITS, Corners, check_size, count_of, extents_of
 from asperity.geometry.mesh.contents import Contents, FilePart, coarse_note
@@ -24,6 +25,7 @@ from asperity.geometry.mesh.gltf_file import GltfFile
 from asperity.geometry.mesh.materials import Material
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.mesh.obj import library_names, read_obj
+from asperity.geometry.mesh.off import read_off
 from asperity.geometry.mesh.ply import read_ply
 from asperity.geometry.mesh.stl import read_stl
 from asperity.geometry.mesh.threemf import read_3mf
@@ -31,9 +33,11 @@ from asperity.geometry.mesh.usd import USD_SUFFIXES, read_usd, usd_layers
 
 _READERS = {
     ".obj": read_obj, ".glb": read_gltf, ".gltf": read_gltf, ".ply": read_ply, ".stl": read_stl,
-    ".3mf": read_3mf, **dict.fromkeys(USD_SUFFIXES, read_usd),
+    ".off": read_off, ".3mf": read_3mf, **dict.fromkeys(USD_SUFFIXES, read_usd),
 }  # fmt: skip
-SUFFIXES = tuple(_READERS)
+PACKED = (".obj", ".glb", ".gltf", ".ply", ".stl", ".off")
+"""Suffixes that may have `.gz` behind them."""
+SUFFIXES = (*_READERS, ".zip")
 
 
 def read_mesh(
@@ -43,7 +47,10 @@ def read_mesh(
     hard_angle: float | None = None,
     name: str | None = None,
 ) -> Mesh:
-    """Return the mesh in a file: OBJ, GLB, glTF, PLY, STL, 3MF, or USD (`asperity[usd]`).
+    """Return the mesh in a file: OBJ, GLB, glTF, PLY, STL, OFF, 3MF, or USD (`asperity[usd]`).
+
+    OBJ, PLY, STL, OFF and glTF may be packed by gzip; a zip holds one mesh, and the files that it
+    names.
 
     All geometries of a scene are joined, placed by their transforms; polygons are split into fans
     of triangles. Texture coordinates are used if every geometry has them. Normals (OBJ vn, glTF
@@ -86,7 +93,7 @@ def mesh_of(
     name: str | None = None,
 ) -> Mesh:  # fmt: skip
     """Return the mesh of what a file holds; parameters as for `read_mesh`."""
-    name = path.stem if name is None else name
+    name = stem_and_ending(path)[0] if name is None else name
     parts = [part.corners for part in contents.parts]
     notes = list(contents.notes)
     if len(parts) > 1:
@@ -114,7 +121,9 @@ def mesh_of(
 
 def read_contents(path: Path) -> Contents:
     """Return the parts and materials of a mesh file, in its own unit; at least one part."""
-    with reading(path, "a mesh", SUFFIXES) as suffix:
+    with reading(path, "a mesh", SUFFIXES, packed=PACKED) as suffix:
+        if suffix == ".zip":
+            return _contents_of_zip(path)
         contents = _READERS[suffix](path)
     if not contents.parts:
         why = "; ".join(contents.notes)[:150] or "points or lines only?"
@@ -123,12 +132,43 @@ def read_contents(path: Path) -> Contents:
     return contents
 
 
+def _contents_of_zip(path: Path) -> Contents:
+    folder = unzipped(path)
+    try:
+        return read_contents(mesh_file(path))
+    except AsperityError as error:  # of the mesh within
+        raise AsperityError(str(error).replace(str(folder), str(path))) from None
+
+
+def mesh_file(path: Path) -> Path:
+    """Return the file of a mesh: as it is, or the only mesh in a zip, unpacked.
+
+    Raises
+    ------
+    AsperityError
+        A zip of several meshes, or of none; one line with their names.
+    """
+    if path.suffix.lower() != ".zip":
+        return path
+    folder = unzipped(path)
+    files = [file.relative_to(folder) for file in sorted(folder.rglob("*")) if file.is_file()]
+    shown = [file for file in files if not file.parts[0].startswith(("__MACOSX", "."))]
+    meshes = [file for file in shown if suffix_of(file, PACKED) in _READERS]
+    if len(meshes) != 1:
+        held = f"{len(meshes)} meshes" if meshes else "no mesh"
+        names = ", ".join(map(str, meshes or shown))[:160]
+        raise AsperityError(
+            f"{path}: there is {held} in it ({names}); valid: one of {', '.join(_READERS)}"
+        )
+    return folder / meshes[0]
+
+
 def companions(path: Path) -> list[Path]:
     """Return the files that a mesh file names and that lie beside or below it.
 
     Buffers and pictures of glTF, material libraries of OBJ; none for a file that cannot be read.
     """
-    suffix = path.suffix.lower()
+    suffix = suffix_of(path, PACKED)
     named: list[Path] = []
     try:
         if suffix == ".gltf":
@@ -136,7 +176,7 @@ def companions(path: Path) -> list[Path]:
         elif suffix in USD_SUFFIXES:
             named = usd_layers(path)
         elif suffix == ".obj":
-            text = text_of(path.read_bytes())
+            text = text_of(content_of(path))
             lines = re.findall(r"^\s*mtllib\s+(.+?)\s*$", text, flags=re.MULTILINE)
             names = [name for line in lines for name in library_names(path.parent, line)]
             named = [find_named(path.parent, name) for name in names]
@@ -210,7 +250,7 @@ def _used(contents: Contents) -> tuple[tuple[Material, ...], list[int]]:
 def _unit(path: Path, contents: Contents, unit: str | None, notes: list[str]) -> str:
     """Return the unit of length: as given, or else as the file states, or else metres."""
     stated = contents.unit
-    gltf = path.suffix.lower() in (".glb", ".gltf")
+    gltf = suffix_of(path, PACKED) in (".glb", ".gltf")
     if unit is None:
         if stated is not None and not gltf:
             notes.append(f"its unit is {stated}, as it states")

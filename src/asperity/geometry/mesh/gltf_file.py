@@ -18,6 +18,7 @@ import numpy as np
 
 from asperity._core.arrays import Array, Indices
 from asperity._core.files import find_named, text_of
+from asperity._core.unpacking import content_of
 from asperity.errors import AsperityError
 
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -37,7 +38,7 @@ class GltfFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        data = path.read_bytes()
+        data = content_of(path)
         self.chunk: bytes | None = None
         text = self._json_of_glb(data) if data[:4] == b"glTF" else data
         try:

@@ -13,16 +13,20 @@ import numpy as np
 
 from asperity._core.arrays import Array, Indices
 from asperity._core.files import columns_of, find_named, text_of
+from asperity._core.unpacking import content_of
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
 from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit, triangulated
-from asperity.geometry.mesh.materials import Material, read_mtl
+from asperity.geometry.mesh.materials import Material
+from asperity.geometry.mesh.mtl import read_mtl
 
 _KEYS = ("v", "vt", "vn")
 _REGIONS = ("usemtl ", "g ", "o ")
 _READ = ("v ", "vt ", "vn ", "f ", "fo ")
 _SPACE, _NEWLINE, _SLASH = map(ord, " \n/")
 _CONTINUED = re.compile(r"\\[ \t]*\n")
+_CALLED = re.compile(r"(?:call|csh)\s+(.*)")
+"""A line that takes in another file, or runs a program."""
 _LEFT_OUT = {"l": "line", "p": "point", "curv": "curve", "surf": "free-form surface"}
 
 
@@ -40,7 +44,7 @@ def read_obj(path: Path) -> Contents:
     In a file without materials its groups, or else its objects, stand for them.
     """
     out = Contents()
-    text = _CONTINUED.sub(" ", text_of(path.read_bytes())).replace("\t", " ")
+    text = _CONTINUED.sub(" ", text_of(content_of(path))).replace("\t", " ")
     lines = text.splitlines()
     if "\n " in text or text.startswith(" "):
         lines = [line.lstrip() for line in lines]
@@ -60,6 +64,9 @@ def read_obj(path: Path) -> Contents:
         for key, name in _LEFT_OUT.items()
         if counts[key]
     ]
+    called = [found[1].strip() for found in map(_CALLED.match, rest) if found]
+    if called:
+        out.notes.append(f"what it calls is not read: {', '.join(called)[:120]}")
     libraries = [line[6:].strip() for line in rest if line.startswith("mtllib ")]
     materials = _materials(path, libraries, faces, out, named=counts["usemtl"] > 0)
     numbers = {material.name: i for i, material in enumerate(materials)}
@@ -174,6 +181,9 @@ def _divide(path: Path, v: Array, rows: list[str], out: Contents) -> None:
 
     Rows of six and seven numbers have colours, without a weight.
     """
+    # Three numbers at least are behind a space each: that many spaces are three in each row.
+    if "".join(rows).count(" ") == 3 * len(rows):
+        return
     if len(" ".join(rows).split()) in (3 * len(rows), 6 * len(rows)):
         return
     words = [row.partition("#")[0].split() for row in rows]

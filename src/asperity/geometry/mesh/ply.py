@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Indices
+from asperity._core.unpacking import content_of
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
 from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit, triangulated
@@ -67,8 +68,7 @@ class Head(NamedTuple):
 
 def read_head(path: Path) -> Head:
     """Return the head of a PLY file; raise `AsperityError` if it is none."""
-    with path.open("rb") as file:
-        data = file.read(_MOST_HEAD)
+    data = content_of(path, _MOST_HEAD)
     ends = re.search(rb"(?:^|[\r\n])end_header[ \t]*(\r\n|\n|\r)", data)
 
     def refuse(reason: str) -> AsperityError:
@@ -106,7 +106,7 @@ def read_head(path: Path) -> Head:
 
 def read_elements(path: Path, head: Head, wanted: tuple[str, ...]) -> dict[str, Columns]:
     """Return the elements of a PLY file by name, up to the last of those that are wanted."""
-    source: Any = path.read_bytes()
+    source: Any = content_of(path)
     at = head.size
     if not head.order:
         split = source[at:].split()

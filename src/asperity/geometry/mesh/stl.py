@@ -9,6 +9,7 @@ import numpy as np
 
 from asperity._core.arrays import Array
 from asperity._core.files import columns_of, text_of
+from asperity._core.unpacking import content_of
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
 from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit
@@ -21,7 +22,7 @@ _VERTEX = re.compile(r"^[ \t]*vertex[ \t]+([^\n]+)", flags=re.IGNORECASE | re.MU
 
 def read_stl(path: Path) -> Contents:
     """Return the triangles of an STL file; facet normals and colours are left out."""
-    data = path.read_bytes()
+    data = content_of(path)
     out = Contents()
     beginning = data[:2000].lstrip(b"\xef\xbb\xbf \t\r\n")
     counted = [int.from_bytes(data[80:84], order) for order in ("little", "big")]

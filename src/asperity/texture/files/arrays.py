@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import zipfile
@@ -11,9 +12,10 @@ from typing import Any, Literal
 import numpy as np
 
 from asperity._core.units import SHORT, length_of
+from asperity._core.unpacking import content_of
 from asperity.errors import SurfaceError
+from asperity.texture.files.checks import MAX_SAMPLES
 from asperity.texture.files.stored import (
-    MAX_SAMPLES,
     NO_UNIT,
     Stored,
     check_size,
@@ -35,11 +37,14 @@ _VALID = "valid: an array of numbers, saved by numpy.save or numpy.savez"
 
 def load_npy(path: Path) -> Stored:
     """Return the array of a `.npy` file."""
+    packed = path.suffix.lower() == ".gz"
     # Reading is faster than mapping; in a larger file there may be too many samples.
-    mode: Literal["r"] | None = "r" if path.stat().st_size > MAX_SAMPLES else None
+    mapped = not packed and path.stat().st_size > MAX_SAMPLES
+    mode: Literal["r"] | None = "r" if mapped else None
+    # A path as text, which NumPy does not resolve: that takes as long as all else.
+    file = io.BytesIO(content_of(path)) if packed else os.fspath(path)
     try:
-        # A path as text, which NumPy does not resolve: that takes as long as all else.
-        array = np.load(os.fspath(path), mmap_mode=mode, allow_pickle=False)
+        array = np.load(file, mmap_mode=mode, allow_pickle=False)
     except Exception:  # whatever NumPy raises on a damaged header
         refuse(path, f"cannot be read as a .npy file: damaged, or no numbers; {_VALID}")
     check_size(path, *array.shape)

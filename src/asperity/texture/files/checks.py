@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError, SurfaceError
-from asperity.texture.files.stored import MAX_SAMPLES
 
+MAX_SAMPLES = 2**27
+"""Largest map [samples]: 8192 x 16384, 1 GiB as heights."""
 MAX_SLOPE = 100.0
 """Largest slope (89.4 degrees); steeper maps have a scale in the wrong unit."""
 MAX_HEIGHT = 10.0

@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 
 from asperity._core.units import length_of
 from asperity.errors import SurfaceError
+from asperity.texture.files.checks import MAX_SAMPLES
 from asperity.texture.files.colours import grey
 from asperity.texture.files.levels import smooth_levels as smooth_levels
-from asperity.texture.files.stored import MAX_SAMPLES, Stored, check_size
+from asperity.texture.files.stored import Stored, check_size
 from asperity.texture.files.tiff_scale import RESOLUTIONS, gdal_scale, gdal_unit, tiff_pixel_size
 
 IMAGE_SUFFIXES = (

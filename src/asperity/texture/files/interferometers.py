@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.files import content_of, text_of
+from asperity._core.files import text_of
 from asperity._core.text_table import TextTable
+from asperity._core.unpacking import content_of
 from asperity.errors import SurfaceError
 from asperity.texture.files.stored import Stored, check_size, refuse
 

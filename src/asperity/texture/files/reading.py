@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Mask
-from asperity._core.files import content_of, reading, suffix_of
+from asperity._core.files import reading
 from asperity._core.text_table import decoded
 from asperity._core.units import SHORT
+from asperity._core.unpacking import content_of, suffix_of
 from asperity.errors import SurfaceError, require_choice
 from asperity.texture.files.arrays import ARRAY_SUFFIXES, load_npy, load_npz
 from asperity.texture.files.colours import COLOURS
@@ -43,8 +44,8 @@ _EITHER = (".asc", ".dat", ".xyz")
 """Suffixes of text and of instruments' files."""
 _NEVER = 1e30
 """Programs write larger numbers only for what is missing."""
-PACKED = (*TEXT_SUFFIXES, *_EITHER)
-"""Suffixes of texts, which may have `.gz` behind them."""
+PACKED = (".npy", *TEXT_SUFFIXES, *_EITHER)
+"""Suffixes that may have `.gz` behind them."""
 _KNOWN = (
     f"an image ({', '.join(IMAGE_SUFFIXES)}); an array or text "
     f"({', '.join(ARRAY_SUFFIXES)}); an instrument's file (.x3p, .sdf, .sur, "

@@ -9,10 +9,7 @@ from typing import Any, NamedTuple, NoReturn
 from numpy.typing import NDArray
 
 from asperity.errors import SurfaceError
-
-MAX_SAMPLES = 2**27
-"""Largest map that is read [samples]: 8192 x 16384, 1 GiB as heights."""
-
+from asperity.texture.files.checks import MAX_SAMPLES
 
 NO_UNIT = "no unit is stated: heights in m; unit= changes that"
 NO_UNITS = "no unit is stated: x, y and heights in m; unit= changes that"

@@ -19,7 +19,7 @@ import numpy as np
 
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError, SurfaceError, require_positive
-from asperity.texture.files.stored import MAX_SAMPLES
+from asperity.texture.files.checks import MAX_SAMPLES
 
 FEWEST = 8
 """Fewest samples per wavelength or pitch: with 8, the slope of a cubic spline errs by 0.3 %."""

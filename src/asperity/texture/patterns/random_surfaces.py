@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError, SurfaceError, require_not_negative, require_positive
-from asperity.texture.files.checks import checked_heights
-from asperity.texture.files.stored import MAX_SAMPLES
+from asperity.texture.files.checks import MAX_SAMPLES, checked_heights
 
 DEFAULT_CUTOFF = 8.0
 """Shortest wavelength [samples]: a cubic spline's slope errs by 0.3 % there, by 4 % at 4."""

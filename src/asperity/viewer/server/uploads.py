@@ -31,7 +31,7 @@ MAX_UNPACKED = 256 * 2**20
 MAX_FILES = 40
 """Largest number of files that a page keeps, as scenes may be read from them again."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy")
-MESH_SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".3mf")
+MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
 
 
 class Uploads:
@@ -171,6 +171,8 @@ def _triangles(name: str, suffix: str, content: bytes) -> int:
             head = content[: content.index(b"end_header")]
             found = re.search(rb"element\s+face\s+(\d+)", head)
             return int(found.group(1)) if found else 0
+        if suffix == ".off":
+            return len(re.findall(rb"^\s*[3-9]\s+\d", content, flags=re.MULTILINE))
         if suffix == ".3mf":
             return _triangles_of_3mf(name, content)
         return _triangles_of_gltf(name, content)
