@@ -146,3 +146,10 @@ def baseline_force(
     if d >= lifted:
         return STIFFNESS * ((d - lifted) * n + lifted * bumped)
     return STIFFNESS * d * bumped
+
+
+def patches_of_meshes(engine):
+    """Return a `PENETRATION` record for each patch of meshes; several may be one contact."""
+    manifold = engine._mesh.space.manifold
+    count = manifold.count[0]["patches"]
+    return manifold.result[:count][manifold.patches["weight"][:count] > 0.0]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from naive_engine import patches_of_meshes
 
 from asperity._core.kernels import kernel
 from asperity.contact.narrow_phase.warm_start import SubRegions, fill_known_depths
@@ -46,8 +47,8 @@ def felt(engine, path, forgets):
         if forgets:
             engine._mesh.memory.guess[:] = np.nan
         wrenches.append(engine.wrench(there, DT).copy())
-        count = engine.contacts.count[0]
-        depths.append((engine.contacts.depth[:count].copy(), engine.contacts.gap[:count].copy()))
+        found = patches_of_meshes(engine)
+        depths.append((found["depth"], found["gap"]))
     return np.array(wrenches), depths
 
 

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from naive_engine import ball, engine_for, plate, pose, waves
+from naive_engine import ball, engine_for, patches_of_meshes, plate, pose, waves
 
 from asperity._core.clock import IS_KNOWN, ends_in, seconds_now
 from asperity._core.kernels import kernel
@@ -64,20 +64,20 @@ def test_what_a_search_without_time_says_holds_the_certified_depth(name):
     for there in path:
         # Only looking, so that both begin from what is known of the tick before.
         free = engine.wrench(there, 0.0).copy()
-        sure = Contacts(*(field[: engine.contacts.count[0]].copy() for field in engine.contacts))
+        sure = patches_of_meshes(engine)
         assert not engine.was_cut
-        assert (sure.status == 0).all()
+        assert (sure["status"] == 0).all()
         hasty = engine.wrench(there, 0.0, 0.0).copy()
-        contacts = engine.contacts
-        assert contacts.count[0] == len(sure.depth)
-        depth, gap = (part[: len(sure.depth)] for part in (contacts.depth, contacts.gap))
-        assert (depth <= sure.depth + 1e-9).all()
-        assert (depth + gap >= sure.depth - 1e-9).all()
+        patches = patches_of_meshes(engine)
+        assert len(patches) == len(sure)
+        depth = patches["depth"]
+        assert (depth <= sure["depth"] + 1e-9).all()
+        assert (depth + patches["gap"] >= sure["depth"] - 1e-9).all()
         assert np.isfinite(hasty).all()
-        nodes += np.array([contacts.nodes[: len(depth)].sum(), sure.nodes.sum()])
+        nodes += np.array([patches["nodes"].sum(), sure["nodes"].sum()])
         if engine.was_cut:
             cut += 1
-            off = max(off, np.abs(sure.depth - depth).max())
+            off = max(off, np.abs(sure["depth"] - depth).max())
             # As the first found, from the last tick's place, is deep: more than half of it.
             assert np.linalg.norm(hasty[:3]) > 0.5 * np.linalg.norm(free[:3])
         engine.wrench(there, DT)

@@ -28,6 +28,8 @@ from asperity.contact.response.contact_forces import (
 )
 from asperity.geometry.frames import fill_relative_frame, fill_tool_frame
 
+_SAME_DEPTH, _SAME_PLACE = 1e-9, 1e-9
+"""Relative difference of depths, and of places [m], up to which two deepest points are one."""
 _JUMP = 1e-2
 """A tool that moves farther than this in one tick has been placed elsewhere [m]."""
 
@@ -110,9 +112,10 @@ def _is_same(manifold, p, q):
     one, other = manifold.patches[p], manifold.patches[q]
     if one.body != other.body or one.direction != other.direction:
         return False
-    same = manifold.result[p].depth == manifold.result[q].depth
+    found, known = manifold.result[p], manifold.result[q]
+    same = abs(found.depth - known.depth) <= _SAME_DEPTH * abs(known.depth)
     for k in range(3):
-        same = same and manifold.result[p].point[k] == manifold.result[q].point[k]
+        same = same and abs(found.point[k] - known.point[k]) <= _SAME_PLACE
     return same
 
 
