@@ -257,14 +257,14 @@ def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
             c = other.bulge / over_other.max_root
             less = c * other.ellipse_uv_min * slowest * slowest
             m11, m22 = m11 - less, m22 - less
-    # How far the limits may lie from their tangents.
+    # How far the limits may lie from their tangents, those of the other patch by its parameters.
     slack = concave_border_bend(patch, over.min_root)
-    slack += concave_border_bend(other, over_other.min_root)
+    ratio = fastest / max(closest, 1e-9)
+    slack += concave_border_bend(other, over_other.min_root) * ratio * ratio
     if side > 0.0:
-        slack += _surface_bend(textures, patch, over, side) / other.lateral_min
+        slack += _surface_bend(textures, patch, over, side) / closest
     if side_other > 0.0:
-        ratio = fastest / closest
-        slack += _surface_bend(textures, other, over_other, side_other) * ratio * ratio
+        slack += _surface_bend(textures, other, over_other, side_other) * ratio * ratio / closest
     slack *= 0.5 * radius * radius
     found = quadratic_bound((m11, m12, m22), half_x, half_y, bound, slack, at)
     if patch.bulge > 0.0 or other.bulge > 0.0 or closest == 0.0 or patch.stiffness_map >= 0:

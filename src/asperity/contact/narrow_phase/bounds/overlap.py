@@ -140,7 +140,7 @@ def _level_bound(textures, patch, other, box, bound, threshold, at):
     matrix = (kappa, 0.0, kappa)
     if other.bulge > 0.0:
         matrix = less_base(other, matrix, most, entries(patch.lateral))
-    slack = 0.5 * radius * radius * concave_border_bend(other, least)
+    slack = 0.5 * reach * reach * concave_border_bend(other, least)
     return quadratic_bound(matrix, half_x, half_y, bound, slack, at)
 
 
