@@ -85,3 +85,27 @@ def test_a_textured_ball_of_triangles_touches_an_edge_before_it_is_in_it(angle):
     pose = np.r_[edge + way * (RADIUS + HIGH - depth), 1.0, 0.0, 0.0, 0.0]
     force = np.linalg.norm(engine.wrench(pose, 0.0)[:3])
     assert 0.5 < force / (STIFFNESS * depth) < 1.5
+
+
+@pytest.mark.parametrize(
+    ("middle", "way"),
+    [
+        ([2.2189, 6.4501, 5.0223], [0.1570, 0.5495, 0.8206]),
+        ([5.0549, -4.5757, 4.2226], [0.5573, -0.5664, 0.6071]),
+        ([2.5702, -6.2560, 4.4560], [0.2417, -0.7658, 0.5959]),
+    ],
+)
+def test_a_raised_sphere_is_as_deep_over_a_rough_rim_as_a_larger_one(middle, way):
+    """The sphere's base lies beyond the rim, which its raised surface touches."""
+    heights = self_affine((64, 64), 5e-5, hurst=0.8, rms_slope=0.2, seed=1)
+    uneven = HeightField(heights * 5e-5 / np.ptp(heights), 5e-5, border="wrap")
+    rod = Body("plate", [Geom("cylinder", (5e-3, 4e-3))], uneven, "triplanar")
+    level = HeightField(np.full((16, 16), HIGH), 1e-4, border="wrap")
+    raised = Body("tool", [Geom("sphere", (RADIUS,))], level, "triplanar")
+    larger = Body("tool", [Geom("sphere", (RADIUS + HIGH,))])
+    here, rest = np.r_[1e-3 * np.array(middle), 1.0, 0, 0, 0], np.array([0.0, 0, 0, 1, 0, 0, 0])
+    n = np.array(way) / np.linalg.norm(way)
+    one, two = (BodyPair(ball, rod).depth(here, rest, n) for ball in (raised, larger))
+    assert one.certified
+    assert two.certified
+    assert one.depth == pytest.approx(two.depth, abs=2e-9)

@@ -68,11 +68,13 @@ def _base_tangent(patch, x, y):
 
 @small_kernel
 def base_bound(patch, other, base_x, base_y, box, shift):
-    """Return an upper bound of the overlap of two smooth bases over a box, and the other's slope.
+    """Return two upper bounds of the overlap of smooth bases over a box, and the other's slope.
 
-    The bound, -inf if there is no overlap, is that of two tangent planes; the slope is that of the
-    other's plane over (u, v). `(base_x, base_y)` is where the bases overlap most, as far as known:
-    the bound is sharp if the box contains it. `shift` is how far textures move points sideways [m].
+    The first, -inf if there is no overlap, is that of two tangent planes; the slope is that of the
+    other's plane over (u, v). The second is that of the other's highest point: where textures move
+    points sideways, it holds wherever they come to lie. `(base_x, base_y)` is where the bases
+    overlap most, as far as known: the bound is sharp if the box contains it. `shift` is how far
+    textures move points sideways [m].
     """
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
@@ -80,7 +82,7 @@ def base_bound(patch, other, base_x, base_y, box, shift):
     radius = math.sqrt(half_x * half_x + half_y * half_y)
     _, most = roots_over(patch, x, y, radius)
     if patch.bulge > 0.0 and most < patch.min_root:
-        return -np.inf, 0.0, 0.0
+        return -np.inf, -np.inf, 0.0, 0.0
     # The part of the other patch under the box.
     u, v = place_at(patch, x, y)
     bx, by = parameters_at(other, u, v)
@@ -91,16 +93,16 @@ def base_bound(patch, other, base_x, base_y, box, shift):
         reach_y = abs(c1) * half_x + (abs(c2) * half_y + moved)
         sides = other.rectangle
         if bx - reach_x > sides[1] or bx + reach_x < sides[0]:
-            return -np.inf, 0.0, 0.0
+            return -np.inf, -np.inf, 0.0, 0.0
         if by - reach_y > sides[3] or by + reach_y < sides[2]:
-            return -np.inf, 0.0, 0.0
+            return -np.inf, -np.inf, 0.0, 0.0
     else:
         reach_x = reach_y = radius * patch.lateral_max / other.lateral_min + moved
         _, most = roots_over(other, bx, by, reach_x)
         if most < other.min_root:
-            return -np.inf, 0.0, 0.0
+            return -np.inf, -np.inf, 0.0, 0.0
     if beyond_borders(other, bx, by, reach_x, reach_y):
-        return -np.inf, 0.0, 0.0
+        return -np.inf, -np.inf, 0.0, 0.0
     tx, ty = min(max(base_x, x0), x1), min(max(base_y, y0), y1)
     z, z_x, z_y, px, py = _base_tangent(patch, tx, ty)
     total = z + z_x * (x - px) + z_y * (y - py)
@@ -115,7 +117,7 @@ def base_bound(patch, other, base_x, base_y, box, shift):
     a, b, c, d = entries(patch.lateral)
     z_x += g1 * a + g2 * c
     z_y += g1 * b + g2 * d
-    return min(total + abs(z_x) * half_x + abs(z_y) * half_y, top), g1, g2
+    return total + abs(z_x) * half_x + abs(z_y) * half_y, top, g1, g2
 
 
 @small_kernel
@@ -166,10 +168,9 @@ def sphere_bound(textures, pair, box, threshold, at):
 def _raised(textures, patch, other, over, over_other, base, centre):
     """Return the base bound and what the textures add to it: a bound of order zero.
 
-    `base` is the bound of the smooth bases and the other's slope (u, v) in the box; `centre` is
-    the centre of the box and its half sides.
+    `base` is that of `base_bound`; `centre` is the centre of the box and its half sides.
     """
-    bound, g1, g2 = base
+    bound, highest, g1, g2 = base
     x, y, half_x, half_y = centre
     steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
     if patch.texture >= 0:
@@ -188,13 +189,13 @@ def _raised(textures, patch, other, over, over_other, base, centre):
         slope = patch.slope
         here = patch.origin[2] + slope[0] * x + slope[1] * y
         top = min(top, here + abs(slope[0]) * half_x + abs(slope[1]) * half_y)
-    top += other.base_top
+    top = min(top + other.base_top, highest)
     return min(bound, top + max(over.top, 0.0) + max(over_other.top, 0.0))
 
 
 @inner_kernel
 def _textured_bound(textures, pair, box, base, threshold, search):
-    """Sharpen the base bound for any two patches; `base` has it and the other's slope."""
+    """Sharpen the base bound for any two patches; `base` is that of `base_bound`."""
     patch, other, at = pair.patch, pair.other, search.at
     x0, x1, y0, y1 = box
     over = texture_over(textures, patch, x0, x1, y0, y1)
@@ -273,7 +274,8 @@ def general_bound(textures, pair, box, threshold, search):
         return box_bound(-np.inf, UNEVALUATED, -np.inf, 0.0)
     is_level = patch.is_level and patch.mapping == PLANAR and patch.texture >= 0
     if is_level and other.texture < 0 and search.load == 0.0:
-        return _level_bound(textures, patch, other, box, base[0], threshold, search.at)
+        smooth = min(base[0], base[1])
+        return _level_bound(textures, patch, other, box, smooth, threshold, search.at)
     return _textured_bound(textures, pair, box, base, threshold, search)
 
 
@@ -293,5 +295,6 @@ def order_zero_bound(textures, patch, other):
 @small_kernel
 def raised_base_bound(textures, patch, other, base_x, base_y, box, shift):
     """Return `base_bound`, raised by the largest heights of both textures [m]."""
-    smooth, g1, g2 = base_bound(patch, other, base_x, base_y, box, shift)
+    tangent, top, g1, g2 = base_bound(patch, other, base_x, base_y, box, shift)
+    smooth = min(tangent, top)
     return smooth + pair_roughness(textures, patch, other) * math.sqrt(1.0 + g1 * g1 + g2 * g2)
