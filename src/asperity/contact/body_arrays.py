@@ -50,8 +50,10 @@ class Geometry(NamedTuple):
     origin: NDArray[np.float64]
     """Where (u, v) = (0, 0) of the texture lies in the body's frame [m], (surfaces, 3); without a
     texture, of the map of stiffness or of friction."""
-    steepness: NDArray[np.float64]
-    """Rms slope [-] and size [m] of each surface's texture, 0 without one; (surfaces, 2)."""
+    rms_slope: NDArray[np.float64]
+    """Rms slope of each surface's texture [-], 0 without one; (surfaces,)."""
+    texture_size: NDArray[np.float64]
+    """Largest height or depth of each surface's texture [m], 0 without one; (surfaces,)."""
     friction: NDArray[np.float64]
     """Coulomb's coefficient of each surface [-], nan for a map or that of the force law;
     (surfaces,)."""
@@ -100,7 +102,8 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
         np.array(texture, dtype=np.int64),
         np.array([MAPPINGS.index(surface.mapping) for surface in surfaces], dtype=np.int64),
         np.array([_origin(surface) for surface in surfaces], dtype=np.float64),
-        np.array([_steepness(textures, number) for number in texture]),
+        _of_textures({k: _rms_slope(textures, k) for k in {*texture} - {-1}}, texture),
+        _of_textures(dict(enumerate(textures.maps["max_abs_surface"])), texture),
         _values([None if isinstance(s.friction, FrictionMap) else s.friction for s in surfaces]),
         _friction_maps(surfaces, owners, {id(f): first + k for k, f in enumerate(frictions)}),
         _values([_one_stiffness(surface) for surface in surfaces]),
@@ -155,18 +158,19 @@ def _origin(surface: Surface) -> list[float]:
     return [*map_origin(surface.laid_map, surface.offset).tolist(), 0.0]
 
 
-def _steepness(textures: PackedTextures, number: int) -> tuple[float, float]:
-    """Return the rms slope [-] and the size [m] of a texture; 0 for number -1.
+def _rms_slope(textures: PackedTextures, number: int) -> float:
+    """Return the rms slope of a texture [-].
 
     The slopes are the largest of each of the smallest blocks, whatever steps a few of these have.
     """
-    if number < 0:
-        return 0.0, 0.0
-    found = textures.maps[number]
-    finest = textures.levels[found["first_level"]]
+    finest = textures.levels[textures.maps[number]["first_level"]]
     slopes = textures.bounds["slope"][finest["first"] :][: finest["rows"] * finest["columns"]]
-    square = np.mean(np.square(slopes, dtype=np.float64))
-    return math.sqrt(square), float(found["max_abs_surface"])
+    return math.sqrt(np.mean(np.square(slopes, dtype=np.float64)))
+
+
+def _of_textures(values: Mapping[int, float], texture: Sequence[int]) -> NDArray[np.float64]:
+    """Return the value of each surface's texture, 0 without one."""
+    return np.array([values.get(number, 0.0) for number in texture])
 
 
 def _friction_maps(

@@ -120,6 +120,52 @@ def _is_same(manifold, p, q):
 
 
 @inner_kernel
+def _is_added(manifold, p):
+    """Return whether a patch before `p` has its deepest point: then they are one contact."""
+    is_added = False
+    for q in range(p - manifold.patches[p].part, p):
+        is_added = is_added or _is_same(manifold, p, q)
+    return is_added
+
+
+@inner_kernel
+def _past_region(manifold, p):
+    """Return the number after the last patch that may be of the region of patch `p`."""
+    return min(p - manifold.patches[p].part + MAX_PARTS, manifold.count[0].patches)
+
+
+@inner_kernel
+def _fill_shared(manifold, memory, p, deflection_out):
+    """Return the weight of all patches with the deepest point of `p`, the first of them.
+
+    Fills the mean deflection of their bristles (3,).
+    """
+    share = 0.0
+    clear(deflection_out)
+    for q in range(p, _past_region(manifold, p)):
+        if _is_same(manifold, p, q):
+            patch = manifold.patches[q]
+            share += patch.weight
+            for k in range(3):
+                bent = memory.bristle[patch.body, patch.direction, patch.part, k]
+                deflection_out[k] += patch.weight * bent
+    for k in range(3):
+        deflection_out[k] /= share
+    return share
+
+
+@inner_kernel
+def _keep_shared(manifold, memory, p, deflection):
+    """Store bristle and deepest point of all patches with the deepest point of `p`."""
+    for q in range(p, _past_region(manifold, p)):
+        if _is_same(manifold, p, q):
+            patch = manifold.patches[q]
+            for k in range(3):
+                memory.bristle[patch.body, patch.direction, patch.part, k] = deflection[k]
+                memory.guess[patch.body, patch.direction, patch.part, k] = patch.guess[k]
+
+
+@inner_kernel
 def _add_contact(scene, parameters, query, p, motion, memory, space, out):
     """Add the contact of patch `p` of the manifold and its forces to the output.
 
@@ -127,30 +173,20 @@ def _add_contact(scene, parameters, query, p, motion, memory, space, out):
     """
     manifold, contacts = space.manifold, out.contacts
     patch, result = manifold.patches[p], manifold.result[p]
-    b, d = patch.body, patch.direction
+    b = patch.body
     if patch.weight <= 0.0:
         if query.dt > 0.0:
             _clear_patch(memory, patch)
         return
-    first, last = p - patch.part, min(p - patch.part + MAX_PARTS, manifold.count[0].patches)
-    for q in range(first, p):
-        if _is_same(manifold, p, q):
-            return
+    if _is_added(manifold, p):
+        return
     c = contacts.count[0]
     if c == contacts.body.size:
         manifold.count[0].dropped += 1
         return
     contacts.count[0] += 1
-    deflection, share = stack_array((3,)), 0.0
-    clear(deflection)
-    for q in range(p, last):
-        if _is_same(manifold, p, q):
-            share += manifold.patches[q].weight
-            for k in range(3):
-                bent = memory.bristle[b, d, manifold.patches[q].part, k]
-                deflection[k] += manifold.patches[q].weight * bent
-    for k in range(3):
-        deflection[k] /= share
+    deflection = stack_array((3,))
+    share = _fill_shared(manifold, memory, p, deflection)
     weight = share * space.stiffness[b] / parameters.stiffness
     write_contact(contacts, c, b, weight, result, motion.centre)
     for k in range(3):
@@ -162,12 +198,7 @@ def _add_contact(scene, parameters, query, p, motion, memory, space, out):
     bristle = Bristle(deflection, stiffness, friction)
     add_friction(out, c, result.point, scene.frames[b], bristle, motion)
     if query.dt > 0.0:
-        for q in range(p, last):
-            if _is_same(manifold, p, q):
-                part = manifold.patches[q].part
-                for k in range(3):
-                    memory.bristle[b, d, part, k] = deflection[k]
-                    memory.guess[b, d, part, k] = manifold.patches[q].guess[k]
+        _keep_shared(manifold, memory, p, deflection)
 
 
 @inner_kernel

@@ -75,7 +75,7 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
             table.w[f, 6 + k],
         )
     patch.map_min, patch.map_max = table.spread[f, 0], table.spread[f, 1]
-    _fill_fold(geometry.steepness[surface], patch)
+    _fill_fold(geometry, surface, patch)
     if patch.mapping == TRIPLANAR:
         patch.map_start[0], patch.map_start[1] = (
             geometry.origin[surface, 0],
@@ -84,14 +84,14 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
 
 
 @inner_kernel
-def _fill_fold(steepness, patch):
+def _fill_fold(geometry, surface, patch):
     """Fill how much the texture shears a facet sideways, with the normals as they vary inside."""
     square = turn = 0.0
     for i in range(3):
         square += patch.normal[i] ** 2
         turn += patch.normal_from_x[i] ** 2 + patch.normal_from_y[i] ** 2
-    sheared = steepness[0] * patch.map_max * patch.normal_lateral
-    sheared += steepness[1] * math.sqrt(turn / max(square, 1e-12))
+    sheared = geometry.rms_slope[surface] * patch.map_max * patch.normal_lateral
+    sheared += geometry.texture_size[surface] * math.sqrt(turn / max(square, 1e-12))
     patch.fold = sheared / patch.lateral_min
 
 

@@ -165,13 +165,12 @@ def sphere_bound(textures, pair, box, threshold, at):
 
 
 @small_kernel
-def _raised(textures, patch, other, over, over_other, base, centre):
+def _raised(textures, patch, other, over, over_other, base):
     """Return the base bound and what the textures add to it: a bound of order zero.
 
-    `base` is that of `base_bound`; `centre` is the centre of the box and its half sides.
+    `base` is that of `base_bound`.
     """
-    bound, highest, g1, g2 = base
-    x, y, half_x, half_y = centre
+    bound, top, g1, g2 = base
     steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
     if patch.texture >= 0:
         # A point rises by t (w + its lateral part times the other's slope).
@@ -184,12 +183,6 @@ def _raised(textures, patch, other, over, over_other, base, centre):
         least = max(1.0 - over_other.normal_change, 0.0)
         bound += over_other.top * (steepness if over_other.top > 0.0 else least)
     # No point is higher than its base point and the highest texture together.
-    top = patch.base_top
-    if patch.bulge == 0.0:
-        slope = patch.slope
-        here = patch.origin[2] + slope[0] * x + slope[1] * y
-        top = min(top, here + abs(slope[0]) * half_x + abs(slope[1]) * half_y)
-    top = min(top + other.base_top, highest)
     return min(bound, top + max(over.top, 0.0) + max(over_other.top, 0.0))
 
 
@@ -223,8 +216,7 @@ def _textured_bound(textures, pair, box, base, threshold, search):
         over_other = texture_over(
             textures, other, bx - reach_x, bx + reach_x, by - reach_y, by + reach_y
         )
-    centre = (x, y, half_x, half_y)
-    bound = _raised(textures, patch, other, over, over_other, base, centre)
+    bound = _raised(textures, patch, other, over, over_other, base)
     bend = 0.0
     if search.load > 0.0:
         least, bend, _ = lowering_over(textures, patch, other, box, search)
