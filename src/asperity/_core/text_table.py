@@ -75,7 +75,7 @@ def without_groups(text: str) -> str:
 
     Cells of numbers with commas that are quoted are set apart by semicolons.
     """
-    if _QUOTED_COMMA.search(text) and ";" not in text:
+    if '"' in text and ";" not in text and _QUOTED_COMMA.search(text):
         text = "\n".join(";".join(cells) for cells in csv.reader(text.splitlines()))
     for mark, grouped in _GROUPED.items():
         if grouped.search(text[:20_000]):
