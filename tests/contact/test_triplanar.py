@@ -10,14 +10,10 @@ from test_mesh_physics import AT_REST, UP, meshed, plate, pose, rough, turn
 from asperity._core.kernels import kernel
 from asperity.contact.body_pair import BodyPair
 from asperity.contact.narrow_phase.bounds.curvature import third_of_texture
-from asperity.contact.narrow_phase.bounds.texture import (
-    bounds_of,
-    plane_normal,
-    plane_slopes,
-    texture_over,
-)
+from asperity.contact.narrow_phase.bounds.texture import bounds_of, plane_slopes, texture_over
 from asperity.contact.narrow_phase.bounds.triplanar import mixing, shares_over, triplanar_top
 from asperity.contact.narrow_phase.displaced_surface import height_on, root_at
+from asperity.contact.narrow_phase.plane_boxes import plane_normal
 
 KINDS = [("block", 7.0), ("block", 40.0), ("roof", 10.0), ("ball", 25.0), ("roller", 35.0)]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -159,13 +160,15 @@ class BodyPair:
             depth_along(self._textures, self._geometry, query, limits, self._space, found)
         out = found[0]
         m = out["slope_normal"].copy()
+        # A contact needs no more than that nothing touches; here the distance is not known.
+        ended = out["depth"] == -np.inf and self._space.search[0]["upper_bound"] > -np.inf
         return Depth(
             depth=float(out["depth"]),
             gradient=np.concatenate([-m, -out["moment"]]),
             point=out["point"] + a[:3],
             slope_normal=m,
-            gap=float(out["gap"]),
-            certified=bool(out["status"] == CERTIFIED),
+            gap=math.inf if ended else float(out["gap"]),
+            certified=bool(out["status"] == CERTIFIED and not ended),
             nodes=int(out["nodes"]),
             ties=int(out["ties"]),
         )

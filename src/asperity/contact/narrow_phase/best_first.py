@@ -18,7 +18,6 @@ import numpy as np
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.bounds.compliance import lowering_over
-from asperity.contact.narrow_phase.bounds.limits import beyond_straight_borders
 from asperity.contact.narrow_phase.bounds.plane_pairs import quarter_bounds
 from asperity.contact.narrow_phase.bounds.planes import box_under, planes_of
 from asperity.contact.narrow_phase.bounds.rough_on_smooth import rough_bound
@@ -42,10 +41,11 @@ from asperity.contact.narrow_phase.patch_pair import (
     searches_a,
     sides_of,
 )
+from asperity.contact.narrow_phase.plane_boxes import beyond_straight_borders
 
 _LAST, _LAST_CUT = 16, 2
 """Boxes that are ascended in when the budget is spent, and when the time is."""
-_LEAF = 1.0
+_LEAF = 2.0
 """Size at which boxes are evaluated to second order [grains of the finer texture]."""
 _FINE = 2.0
 """Size at which boxes of a rough plane and a smooth one are bounded to second order [grains]."""

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
-from asperity.contact.narrow_phase.surface_patch import PLANAR, entries
+from asperity.contact.narrow_phase.surface_patch import entries
 from asperity.texture.packed import texture_slope
 
 _STEPS = 12
@@ -59,17 +59,13 @@ def lift_plane(patch, x, y, height, out):
 
 
 @inner_kernel
-def place_on_plane(textures, patch, u, v):
-    """Return the parameters (x, y) at which a displaced plane with a planar map lies over (u, v).
+def place_on_plane(textures, patch, u, v, x, y):
+    """Return the parameters at which a displaced plane with a planar map lies over (u, v).
 
-    Newton's method, nearly always to a picometre; nan if it fails. With another map, the base.
+    Newton's method from (x, y), nearly always to a picometre; nan if it fails.
     """
     k = patch.texture
     du, dv = u - patch.origin[0], v - patch.origin[1]
-    i, j, k_u, k_v = entries(patch.lateral_inverse)
-    x, y = i * du + j * dv, k_u * du + k_v * dv
-    if patch.mapping != PLANAR:
-        return x, y
     normal, from_x, from_y = patch.normal, patch.normal_from_x, patch.normal_from_y
     u0, u1, u2 = from_x[0], from_x[1], from_x[2]
     w0, w1, w2 = from_y[0], from_y[1], from_y[2]

@@ -14,6 +14,7 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity.contact.narrow_phase.displaced_plane import lift_plane, place_on_plane
+from asperity.contact.narrow_phase.outermost import highest_over, lean_at, may_fold
 from asperity.contact.narrow_phase.surface_patch import CYLINDRICAL, PLANAR, entries
 from asperity.texture.packed import texture_at
 
@@ -22,6 +23,8 @@ _CONVERGED = 1e-16
 """Lateral residual at which Newton's method ends [m]."""
 NO_WEIGHT = 1e-12
 """Of the three maps of a triplanar map, those with a smaller weight are left out."""
+_NEAR = 1e-9
+"""Half side of the box for the place of one point [m]."""
 _LINEAR = 1e-12
 """Residual on a plane below which the rest is extrapolated linearly [m]: slopes differ by 1e-8."""
 
@@ -316,8 +319,14 @@ def height_at(textures, patch, u, v, point):
         if inside > most:
             scale = math.sqrt(most / inside)
             x, y = x * scale, y * scale
-    elif patch.mapping == PLANAR:
-        x, y = place_on_plane(textures, patch, u, v)
+    else:
+        if may_fold(textures, patch):
+            height = highest_over(textures, patch, (x, y, _NEAR, _NEAR))
+            if height > -np.inf:
+                d_x, d_y, _ = lean_at(patch, x, y, 0.0)
+                x, y = x - height * d_x, y - height * d_y
+        if patch.mapping == PLANAR:
+            x, y = place_on_plane(textures, patch, u, v, x, y)
     error = np.inf
     a = b = c = d = det = 0.0
     for _ in range(_NEWTON_STEPS):

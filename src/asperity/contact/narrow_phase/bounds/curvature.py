@@ -16,8 +16,8 @@ import math
 from typing import NamedTuple
 
 from asperity._core.kernels import small_kernel
-from asperity.contact.narrow_phase.bounds.texture import texture_size
 from asperity.contact.narrow_phase.bounds.triplanar import MIX_1, MIX_2, MIX_3
+from asperity.contact.narrow_phase.plane_boxes import texture_size
 from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, entries
 
 UNEVALUATED, EVALUATED, QUADRATIC, CONCAVE = 0, 1, 2, 3
@@ -72,7 +72,7 @@ def _texture_bend(size, over, facing, spread, steepness):
 
 
 @small_kernel
-def _surface_bend(textures, patch, over, side):
+def surface_bend(textures, patch, over, side):
     """Return a bound of |p''|, the second derivatives of a displaced surface by its parameters.
 
     `side` is the part of the normal that counts: 1, or its lateral part.
@@ -208,27 +208,28 @@ def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
     patch, other : PATCH records
     over, over_other : TextureBounds
         Over the box, and over the part of the other patch that may lie under it.
-    half : tuple (float, float, float)
-        Half sides of the box [m], and what lowering the patch adds to f'' at most [1/m].
+    half : tuple of float
+        Half sides of the box [m], what lowering the patch adds to f'' at most [1/m], and how far
+        the other's place in (u, v) moves at least where its parameters move by 1, if it is known.
     bound : float
         Of order zero [m].
     at : OVERLAP record
         At the centre of the box.
     """
-    half_x, half_y, kappa = half
+    half_x, half_y, kappa, known = half
     radius = math.sqrt(half_x * half_x + half_y * half_y)
     side, side_other = over.lateral, over_other.lateral
     # How fast the place in (u, v) moves along a unit direction, at most and at least.
     drift, drift_other = drift_of(textures, patch, over), drift_of(textures, other, over_other)
     fastest, slowest = patch.lateral_max + drift, max(patch.lateral_min - drift, 0.0)
-    closest, widest = max(other.lateral_min - drift_other, 0.0), other.lateral_max + drift_other
+    closest, widest = max(other.lateral_min - drift_other, known), other.lateral_max + drift_other
     g1, g2 = at.other_slope[0], at.other_slope[1]
     # How much the other's slope changes over the box.
     turn = 0.0
     if side > 0.0 or side_other > 0.0:
         if closest == 0.0:
             return box_bound(bound if radius > FINEST_OVERHANG else at.f, EVALUATED, bound, 0.0)
-        turn = _surface_bend(textures, other, over_other, 1.0) * radius * fastest
+        turn = surface_bend(textures, other, over_other, 1.0) * radius * fastest
         turn *= (1.0 + math.sqrt(g1 * g1 + g2 * g2)) / (closest * closest)
     steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2) + turn
     if patch.texture >= 0:
@@ -262,9 +263,9 @@ def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
     ratio = fastest / max(closest, 1e-9)
     slack += concave_border_bend(other, over_other.min_root) * ratio * ratio
     if side > 0.0:
-        slack += _surface_bend(textures, patch, over, side) / closest
+        slack += surface_bend(textures, patch, over, side) / closest
     if side_other > 0.0:
-        slack += _surface_bend(textures, other, over_other, side_other) * ratio * ratio / closest
+        slack += surface_bend(textures, other, over_other, side_other) * ratio * ratio / closest
     slack *= 0.5 * radius * radius
     found = quadratic_bound((m11, m12, m22), half_x, half_y, bound, slack, at)
     if patch.bulge > 0.0 or other.bulge > 0.0 or closest == 0.0 or patch.stiffness_map >= 0:

@@ -40,21 +40,6 @@ def beyond_borders(patch, x, y, half_x, half_y):
 
 
 @small_kernel
-def beyond_straight_borders(patch, first, x, y, half_x, half_y):
-    """Return whether a box lies beyond a border of a plane patch, of those from `first` on."""
-    for n in range(first, patch.border_count):
-        border = patch.borders[n]
-        k1, k2, k4 = border.from_x, border.from_y, border.from_square
-        g = border.constant + k1 * x + k2 * y
-        if k4 != 0.0:
-            g += k4 * (x * x + y * y)
-            k1, k2 = k1 + 2.0 * k4 * x, k2 + 2.0 * k4 * y
-        if g > abs(k1) * half_x + abs(k2) * half_y:
-            return True
-    return False
-
-
-@small_kernel
 def is_apart(patch, x, y, reach):
     """Return whether no part of a patch lies within `reach` of (x, y), in its parameters."""
     if patch.bulge > 0.0:

@@ -31,12 +31,10 @@ from asperity.contact.narrow_phase.bounds.curvature import (
 )
 from asperity.contact.narrow_phase.bounds.limits import beyond_borders, is_apart
 from asperity.contact.narrow_phase.bounds.texture import (
-    on_texture,
     planar_slopes,
     roots_over,
     smooth_bounds,
     texture_over,
-    texture_size,
 )
 from asperity.contact.narrow_phase.displaced_surface import (
     ellipse_form,
@@ -47,6 +45,7 @@ from asperity.contact.narrow_phase.displaced_surface import (
 )
 from asperity.contact.narrow_phase.overlap import overlap_at, overlap_on_level
 from asperity.contact.narrow_phase.patch_pair import pair_roughness, pair_shift, window_of
+from asperity.contact.narrow_phase.plane_boxes import on_texture, texture_size
 from asperity.contact.narrow_phase.surface_patch import PLANAR, entries
 from asperity.texture.highest import texture_top
 
@@ -249,7 +248,7 @@ def _textured_bound(textures, pair, box, base, threshold, search):
         left = bound if radius > FINEST_OVERHANG else at.f
         return box_bound(left, EVALUATED, bound, 0.0)
     return curvature_bound(
-        textures, patch, other, over, over_other, (half_x, half_y, bend), bound, at
+        textures, patch, other, over, over_other, (half_x, half_y, bend, 0.0), bound, at
     )
 
 

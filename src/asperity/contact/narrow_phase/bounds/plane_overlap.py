@@ -18,18 +18,14 @@ from asperity.contact.narrow_phase.bounds.curvature import (
     box_bound,
     curvature_bound,
     drift_of,
+    surface_bend,
 )
 from asperity.contact.narrow_phase.bounds.limits import is_apart
-from asperity.contact.narrow_phase.bounds.texture import (
-    bounds_of,
-    lateral_shift,
-    plane_normal,
-    plane_slopes,
-    smooth_bounds,
-    texture_size,
-)
+from asperity.contact.narrow_phase.bounds.texture import bounds_of, plane_slopes, smooth_bounds
 from asperity.contact.narrow_phase.displaced_surface import parameters_at, parameters_over
+from asperity.contact.narrow_phase.outermost import highest_over, may_fold
 from asperity.contact.narrow_phase.overlap import overlap_at
+from asperity.contact.narrow_phase.plane_boxes import lateral_shift, plane_normal, texture_size
 from asperity.contact.narrow_phase.surface_patch import PLANAR
 
 
@@ -71,6 +67,57 @@ def _narrowed(textures, other, box, travel, at):
     return x, y, reach_x, reach_y
 
 
+@small_kernel
+def _least_stretch(point):
+    """Return how far a surface's place in (u, v) moves at least, by a unit of its parameters."""
+    a, b, c, d = point.p_x[0], point.p_y[0], point.p_x[1], point.p_y[1]
+    # The smaller singular value of the Jacobian.
+    return abs(a * d - b * c) / math.sqrt(a * a + b * b + c * c + d * d)
+
+
+@small_kernel
+def _height_of(patch, x, y, point):
+    """Return how high a point of a displaced plane lies over its base at (x, y), along w [m]."""
+    by_x, by_y, square, along = patch.normal_from_x, patch.normal_from_y, 0.0, 0.0
+    for k in range(3):
+        by_1, by_2 = patch.slope[0], patch.slope[1]
+        if k < 2:
+            by_1, by_2 = patch.lateral[k, 0], patch.lateral[k, 1]
+        w = patch.normal[k] + by_x[k] * x + by_y[k] * y
+        square += w * w
+        along += w * (point.p[k] - patch.origin[k] - by_1 * x - by_2 * y)
+    return along / math.sqrt(square)
+
+
+@inner_kernel
+def _nearby(textures, other, travel, highest, search):
+    """Return bounds of the other's texture round the place under the centre, and its stretch.
+
+    They hold for all places under the box if no other sheet of the surface lies above: they are
+    `travel` at most from the centre's in (u, v), and none is higher than `highest` over its base.
+    The Jacobian changes little on the way there, so that places do not coincide (as in
+    Kantorovich's theorem), where the slope alone, which may lean to any side, does not rule out
+    a fold. The stretch, how far places move at least where parameters move by 1, is 0 if it does
+    change. The third result is the distance of the places by the other's parameters, at most.
+    """
+    at, point = search.at, search.other_surface
+    stretch, found = _least_stretch(point), textures.maps[other.texture]
+    over = smooth_bounds(0.0, 1.0, 1.0)
+    if not stretch > 0.0:
+        return over, 0.0, np.inf
+    own = 2.0 * travel / stretch
+    # Places of points between the centre's sheet and the highest one.
+    slope = _largest_slope(
+        textures, other, (at.other_x, at.other_y, own, own), other.normal_slope, other.normal_bend
+    )
+    higher = max(highest - _height_of(other, at.other_x, at.other_y, point), 0.0) + slope * own
+    far = own + higher * other.normal_lateral / other.lateral_min
+    far += found.max_abs_surface * other.normal_slope * own
+    over = _over_box(textures, other, at.other_x, at.other_y, far, far)
+    change = surface_bend(textures, other, over, over.lateral) * far
+    return over, (stretch - change if change <= 0.5 * stretch else 0.0), far
+
+
 @inner_kernel
 def plane_bound(textures, pair, box, bound, search):
     """Do `general_bound` for two plane patches whose bound of order zero is `bound`."""
@@ -97,15 +144,27 @@ def plane_bound(textures, pair, box, bound, search):
         # The other surface overhangs there, as seen along n: it is not rendered.
         left = bound if radius > FINEST_OVERHANG else -np.inf
         return box_bound(left, UNEVALUATED, bound, 0.0)
+    closest, highest = 0.0, np.inf
     if other.texture >= 0:
         _, b1, b2, _, c1, c2 = parameters_over(patch, other)
         astray = drift * radius / other.lateral_min
         reach_x = abs(b1) * half_x + (abs(b2) * half_y + astray)
         reach_y = abs(c1) * half_x + (abs(c2) * half_y + astray)
         under = (base_x, base_y, reach_x, reach_y)
+        folds = may_fold(textures, other)
+        if folds:
+            highest = highest_over(textures, other, under)
+            if highest == -np.inf:
+                return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
         if not is_explicit:
             under = _narrowed(textures, other, under, radius * fastest, at)
         over_other = _over_box(textures, other, *under)
+        if folds and drift_of(textures, other, over_other) >= other.lateral_min:
+            near, closest, far = _nearby(textures, other, radius * fastest, highest, search)
+            if closest > 0.0:
+                over_other = near
+                if is_apart(other, at.other_x, at.other_y, far):
+                    return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
     bend = lowering_over(textures, patch, other, box, search)[1] if search.load > 0.0 else 0.0
-    half = (half_x, half_y, bend)
+    half = (half_x, half_y, bend, closest)
     return curvature_bound(textures, patch, other, over, over_other, half, bound, at)

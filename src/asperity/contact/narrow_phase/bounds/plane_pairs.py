@@ -13,16 +13,18 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.narrow_phase.bounds.limits import beyond_straight_borders
 from asperity.contact.narrow_phase.bounds.overlap import order_zero_bound
 from asperity.contact.narrow_phase.bounds.planes import lifts_within, planes_of, under_box
-from asperity.contact.narrow_phase.bounds.texture import (
+from asperity.contact.narrow_phase.bounds.triplanar import is_triplanar, triplanar_top
+from asperity.contact.narrow_phase.flat_on_flat import plane_overlap
+from asperity.contact.narrow_phase.outermost import highest_over, may_fold
+from asperity.contact.narrow_phase.patch_pair import pair_shift, window_of
+from asperity.contact.narrow_phase.plane_boxes import (
+    beyond_straight_borders,
+    lateral_shift,
     on_texture,
     plane_normal,
 )
-from asperity.contact.narrow_phase.bounds.triplanar import is_triplanar, triplanar_top
-from asperity.contact.narrow_phase.flat_on_flat import plane_overlap
-from asperity.contact.narrow_phase.patch_pair import pair_shift, window_of
 from asperity.contact.narrow_phase.surface_patch import PLANAR, entries
 from asperity.texture.highest import WHOLE, texture_top, top_over, windows_for
 
@@ -129,7 +131,10 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
         bounds_out[child] = -np.inf if apart else bound
     leans = planes.shift > _LEANING * max(reach_x, reach_y)
     leans = leans and planes.back == -np.inf and planes.other_back == -np.inf
-    mixed = is_triplanar(patch) or is_triplanar(other)
+    mixed, folds = is_triplanar(patch) or is_triplanar(other), may_fold(textures, other)
+    # Of the distance by which both textures move points sideways, the other's own.
+    inside = planes.shift - lateral_shift(textures, patch) / other.lateral_min
+    inside = max(inside, 0.0)
     for child in range(4 if mixed else 0):
         if bounds_out[child] > threshold:
             x = x0 + (3.0 if child & 1 else 1.0) * half_x
@@ -150,11 +155,20 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
                 other, 0, *under
             ):
                 bounds_out[child] = -np.inf
-            elif leans:
+                continue
+            smooth = rise + z_x * x + z_y * y
+            if leans:
                 bound = _leaning_bound(
                     textures, patch, other, planes, quarter, under,
-                    (rise + z_x * x + z_y * y, highs[child], highs[4 + child]), threshold,
+                    (smooth, highs[child], highs[4 + child]), threshold,
                 )  # fmt: skip
+                bounds_out[child] = min(bounds_out[child], bound)
+            if folds and bounds_out[child] > threshold:
+                under = (under[0], under[1], under[2] - inside, under[3] - inside)
+                high_y = highest_over(textures, other, under)
+                bound = -np.inf
+                if high_y > -np.inf:
+                    bound = _lifted(patch, other, planes, smooth, np.inf, highs[child], high_y)
                 bounds_out[child] = min(bounds_out[child], bound)
 
 

@@ -13,9 +13,13 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
-from asperity.contact.narrow_phase.bounds.limits import beyond_straight_borders
-from asperity.contact.narrow_phase.bounds.texture import plane_normal, plane_slopes, texture_size
+from asperity.contact.narrow_phase.bounds.texture import plane_slopes
 from asperity.contact.narrow_phase.displaced_surface import height_on
+from asperity.contact.narrow_phase.plane_boxes import (
+    beyond_straight_borders,
+    plane_normal,
+    texture_size,
+)
 from asperity.contact.narrow_phase.surface_patch import entries
 
 

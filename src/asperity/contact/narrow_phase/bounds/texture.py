@@ -16,6 +16,7 @@ from asperity.contact.narrow_phase.bounds.triplanar import (
     triplanar_top,
 )
 from asperity.contact.narrow_phase.displaced_surface import ellipse_form, root_at
+from asperity.contact.narrow_phase.plane_boxes import on_texture, plane_normal
 from asperity.contact.narrow_phase.surface_patch import CYLINDRICAL, PLANAR, TRIPLANAR
 from asperity.texture.highest import texture_top
 from asperity.texture.packed import slope_bounds, texture_bounds
@@ -73,12 +74,6 @@ def bounds_of(top, slopes, normal, min_root, max_root):
 
 
 @small_kernel
-def texture_size(textures, patch):
-    """Return the largest |t| of a patch's texture [m]."""
-    return textures.maps[patch.texture].max_abs_surface if patch.texture >= 0 else 0.0
-
-
-@small_kernel
 def roots_over(patch, x, y, radius):
     """Return the least and the largest root within `radius` of (x, y); -1 beyond the ellipse."""
     if patch.bulge == 0.0:
@@ -88,25 +83,6 @@ def roots_over(patch, x, y, radius):
     near, far = max(out - reach, 0.0), out + reach
     most = math.sqrt(1.0 - near * near) if near < 1.0 else -1.0
     return (math.sqrt(1.0 - far * far) if far < 1.0 else -1.0), most
-
-
-@small_kernel
-def lateral_shift(textures, patch):
-    """Return how far a patch's texture moves points sideways at most [m]."""
-    if patch.texture < 0 or patch.is_level:
-        return 0.0
-    return textures.maps[patch.texture].max_abs_surface * patch.normal_lateral
-
-
-@small_kernel
-def on_texture(patch, x, y, half_x, half_y):
-    """Return the rectangle u0, u1, v0, v1 of a planar map that a box of a plane patch covers."""
-    at, by_x, by_y = patch.texture_origin, patch.texture_from_x, patch.texture_from_y
-    ru = abs(by_x[0]) * half_x + abs(by_y[0]) * half_y
-    rv = abs(by_x[1]) * half_x + abs(by_y[1]) * half_y
-    u = at[0] + by_x[0] * x + by_y[0] * y
-    v = at[1] + by_x[1] * x + by_y[1] * y
-    return u - ru, u + ru, v - rv, v + rv
 
 
 @small_kernel
@@ -137,34 +113,6 @@ def plane_slopes(textures, patch, box, normal_slope, normal_bend):
     size = textures.maps[k].max_abs_surface
     more = 2.0 * mix_1 * w1 * slope + (mix_2 * w1 * w1 + mix_1 * w2) * size
     return slope + mix_1 * w1 * size, bend + more, bend_size + more
-
-
-@small_kernel
-def plane_normal(patch, x, y, radius):
-    """Return a plane patch's unit normal w at (x, y), and bounds within `radius`.
-
-    After the three components of w: how much it changes, |w'| and |w''| at most.
-    """
-    v_u, v_v, v_z = patch.normal[0], patch.normal[1], patch.normal[2]
-    if patch.is_unit:
-        return v_u, v_v, v_z, 0.0, 0.0, 0.0
-    by_x, by_y = patch.normal_from_x, patch.normal_from_y
-    slopes = 0.0
-    for i in range(3):
-        slopes += by_x[i] * by_x[i] + by_y[i] * by_y[i]
-    slopes = math.sqrt(slopes)
-    v_u += by_x[0] * x + by_y[0] * y
-    v_v += by_x[1] * x + by_y[1] * y
-    v_z += by_x[2] * x + by_y[2] * y
-    size = math.sqrt(v_u * v_u + v_v * v_v + v_z * v_z)
-    w1, w2 = patch.normal_slope, patch.normal_bend
-    # Before normalisation w is linear, and in the box not much shorter than here.
-    shortest = size - slopes * radius
-    if slopes < w1 * shortest:
-        w1 = slopes / shortest
-        w2 = 3.0 * w1 * w1
-    over = 1.0 / size
-    return v_u * over, v_v * over, v_z * over, w1 * radius, w1, w2
 
 
 @small_kernel

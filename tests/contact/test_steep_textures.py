@@ -1,0 +1,139 @@
+"""Rough meshes on rough meshes: every depth certified, and right where steep textures fold."""
+
+import numpy as np
+import pytest
+from naive_meshes import engine_of, thing
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from asperity.contact.body_pair import BodyPair
+from asperity.geometry.mesh.mesh import mesh_from_arrays
+from asperity.texture.height_field import HeightField
+from asperity.texture.patterns.random_surfaces import self_affine
+from oracle.depth import reference_depth
+
+PIXEL, CERTIFIED = 5e-5, 0
+AT_REST = np.array([0.0, 0, 0, 1, 0, 0, 0])
+
+
+def hull(points, size, cuts=0, hard_angle=40.0):
+    """Return the convex hull of points as a mesh of a half width, its triangles cut in four."""
+    found = ConvexHull(points)
+    x = points[found.simplices]
+    outside = np.einsum("ij,ij->i", np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]),
+                        found.equations[:, :3])  # fmt: skip
+    x[outside < 0] = x[outside < 0][:, ::-1]
+    for _ in range(cuts):
+        a, b, c = np.moveaxis(x, 1, 0)
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        x = np.concatenate([np.stack(part, 1) for part in parts])
+    x = x.reshape(-1, 3) - x.reshape(-1, 3).mean(axis=0)
+    x *= size / np.abs(x).max()
+    corners, which = np.unique(x.round(12), axis=0, return_inverse=True)
+    return mesh_from_arrays(corners, which.reshape(-1, 3), hard_angle=hard_angle)
+
+
+def waves(count, height, samples=128, along_both=True):
+    y, x = np.mgrid[:samples, :samples] * 2 * np.pi / samples
+    z = height * np.sin(count * x) * (np.sin(count * y) if along_both else 1.0)
+    return HeightField(z, PIXEL, border="wrap")
+
+
+def noise(rng):
+    return HeightField(rng.normal(size=(128, 128)) * 5e-6, PIXEL, border="wrap")
+
+
+def surface(seed, relief):
+    z = self_affine((128, 128), PIXEL, hurst=0.8, rms_slope=0.2, seed=seed)
+    return HeightField(z * relief / np.ptp(z), PIXEL, border="wrap")
+
+
+@pytest.mark.parametrize("kind", ["noise on waves", "noise on noise", "surface on noise"])
+def test_rough_meshes_are_certified_at_the_usual_budget(kind):
+    """White noise, whose waves are as short as its pixels, spent the budget in one depth of ten."""
+    rng = np.random.default_rng(3)
+    textures = {
+        "noise on waves": (noise(rng), waves(8, 8e-5)), "noise on noise": (noise(rng), noise(rng)),
+        "surface on noise": (surface(5, 1e-4), noise(rng)),
+    }  # fmt: skip
+    tool, ground = (hull(rng.normal(size=(40, 3)), size, 1) for size in (5e-3, 9e-3))
+    engine = engine_of(
+        thing("tool", tool, textures[kind][0], "triplanar"),
+        thing("plate", ground, textures[kind][1], "triplanar"),
+    )
+    looked = 0
+    for _ in range(12):
+        pose = np.r_[0, 0, 0, np.roll(Rotation.random(random_state=rng).as_quat(), 1)]
+        away = rng.normal(size=3)
+        away /= np.linalg.norm(away)
+        low, high = 0.0, 0.04
+        for _ in range(12):  # where they first touch
+            pose[:3] = 0.5 * (low + high) * away
+            low, high = (pose[:3] @ away, high) if engine.wrench(pose, 0.0).any() else (
+                low, pose[:3] @ away)  # fmt: skip
+        pose[:3] = (low - 2e-4) * away
+        engine.wrench(pose, 0.0)
+        count, left_out = engine.contacts.count
+        assert left_out == 0
+        assert (engine.contacts.status[:count] == CERTIFIED).all()
+        looked += count
+    assert looked > 12
+
+
+def steep_pair(rng):
+    """Return two small bodies whose textures fold facets that lean."""
+
+    def mesh(size):
+        points = rng.normal(size=(rng.integers(8, 24), 3))
+        cuts = int(rng.random() < 0.5)
+        return points, size, cuts, rng.choice([20.0, 60.0])
+
+    def texture():
+        k = rng.integers(3)
+        if k == 0:
+            slope, seed = rng.uniform(0.3, 0.6), int(rng.integers(1000))
+            z = self_affine((96, 96), PIXEL, hurst=0.8, rms_slope=slope, seed=seed)
+            return HeightField(z, PIXEL, border="wrap")
+        if k == 1:
+            return waves(6, rng.uniform(5e-5, 2e-4), 96)
+        return waves(12, rng.uniform(3e-5, 8e-5), 96, along_both=False)
+
+    parts = []
+    for name, size in (("a", 1.2e-3), ("b", 2.5e-3)):
+        points, size, cuts, angle = mesh(size)
+        parts.append(thing(name, hull(points, size, cuts, angle), texture(), "triplanar").body)
+    return parts
+
+
+def steep_pose(rng):
+    """Return a pose of the small body about where it touches, and a direction towards it."""
+    turn = np.roll(Rotation.random(random_state=rng).as_quat(), 1)
+    n = rng.normal(size=3)
+    n /= np.linalg.norm(n)
+    return np.r_[2.8e-3 * n + rng.normal(size=3) * 5e-4, turn], n
+
+
+@pytest.mark.parametrize("seed", [4, 34, 46, 53])
+def test_folds_are_certified_by_their_outermost_sheet(seed):
+    """Where the slope alone does not rule out a fold, boxes were divided without end."""
+    rng = np.random.default_rng(seed)
+    a, b = steep_pair(rng)
+    at, n = steep_pose(rng)
+    found = BodyPair(a, b).depth(at, AT_REST, n, smooth_overlap=1e-2)
+    assert found.certified
+    exact = reference_depth(a, at, b, AT_REST, n, samples=150, zooms=4).depth
+    assert found.depth == pytest.approx(exact, abs=1e-8)
+
+
+def test_a_search_that_ends_with_nothing_found_is_not_certified():
+    """A distance of which nothing is known was called certain, if it was above 0."""
+    rng = np.random.default_rng(1)
+    a, b = steep_pair(rng)
+    pair, ended = BodyPair(a, b, max_nodes=100), 0
+    for _ in range(20):
+        at, n = steep_pose(rng)
+        found = pair.depth(at, AT_REST, n, smooth_overlap=1e-2)
+        if found.depth == -np.inf and found.nodes > 0:
+            ended += not found.certified and found.gap == np.inf
+    assert ended > 0
