@@ -17,7 +17,7 @@ from asperity.contact.response.stiffness import ContactDerivatives
 from asperity.errors import AsperityError
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
-from asperity.simulation.layer_end import FLAT, Held, LayerEnd
+from asperity.simulation.layer_end import FLAT, HeldContact, LayerEnd
 from asperity.simulation.summed_contact import fill_summed
 
 _LEAP = 0.01
@@ -83,7 +83,7 @@ class ElasticEngine:
         """Largest displacement since, over the smallest side of the body."""
         self._shape = np.zeros_like(self.elastic.body.mesh.vertices)
         self._found: ContactDerivatives | None = None
-        self._held: Held | None = None
+        self._held: HeldContact | None = None
         self._force, self._last = np.zeros(3), np.zeros(7)
         self._end.reset()
         self.contacts.count[:] = 0
@@ -211,14 +211,14 @@ class ElasticEngine:
 
     def _refuse_flat(self, pose: Array) -> None:
         """Where the layer is pressed too far, or loses the tool, have the contact farther out."""
-        strain = float(self.elastic.surface.out.push[5])
-        if strain > FLAT or self._is_lost(pose):
+        if float(self.elastic.surface.out.push[5]) > FLAT or self._is_lost(pose):
             self._held = self._end.hold(pose, self._press_layer, self.contacts)
             self.contacts.status[0] = NOT_CERTIFIED
 
     def _is_lost(self, pose: Array) -> bool:
         """Return whether the tool is deeper than the body has been pressed in, and its layer."""
-        return self._end.is_lost(pose, float(np.abs(self._shape).max()))
+        strain = float(self.elastic.surface.out.push[5])
+        return self._end.is_lost(pose, strain, float(np.abs(self._shape).max()))
 
     @property
     def energy(self) -> float:

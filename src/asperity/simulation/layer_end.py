@@ -22,12 +22,17 @@ from asperity.contact.response.stiffness import ContactDerivatives
 from asperity.geometry.poses import mean_twist
 from asperity.scene.scene import Scene
 
-FLAT = 1.0
-"""Largest compression of a layer, over its thickness."""
+FLAT = 0.975
+"""Largest compression of a layer, over its thickness: where its law goes on along a tangent."""
 _FAR = 1.0
 """Distances are searched up to this one [m]."""
 _STEP = 0.5
 """Length of the steps in which a tool is brought in, over the layer's thickness."""
+_NOT_FELT = 0.25
+"""How deep a tool may be that no taxel feels, over the layer's thickness: convex pieces of a mesh
+fill more than the mesh."""
+_FOLLOWED = 0.1
+"""Those in which a body follows a tool: with long ones it may find another state of rest."""
 _CLOSE = 1e-5
 """Largest difference of a strain from `FLAT`."""
 _HALVINGS, _TURNS = 20, 16
@@ -42,7 +47,7 @@ class Overlap(NamedTuple):
     """The way out, a unit vector of the world (3,); 0 where it is outside."""
 
 
-class Held(NamedTuple):
+class HeldContact(NamedTuple):
     """A contact that is that of a place farther out, and grows from there."""
 
     way: float
@@ -99,8 +104,7 @@ class LayerEnd:
         self._radius = float(reach.max())
         self.thickness = thickness
         tops = [np.abs(field.coefficients).max() for body in scene.bodies for field in body.fields]
-        # No deeper than this a tool may lie in pores without a touch.
-        self._most = thickness + float(sum(tops))
+        self._tops = float(sum(tops))  # so deep it may lie in pores
         self.reset()
 
     def reset(self) -> None:
@@ -122,21 +126,23 @@ class LayerEnd:
         normal = way / size if least < 0.0 and size > 0.0 else np.zeros(3)
         return Overlap(-least, normal)
 
-    def is_lost(self, pose: Array, aside: float = 0.0) -> bool:
-        """Return whether a tool is deeper than the layer is thick, though no taxel is pressed flat.
+    def is_lost(self, pose: Array, strain: float, aside: float = 0.0) -> bool:
+        """Return whether a tool is deeper than its taxels say.
 
-        `aside`: how far the surface may have been pressed away [m].
+        `strain`: their largest compression, over the layer's thickness. `aside`: how far the
+        surface may have been pressed away [m].
         """
+        most = self._tops + aside + (self.thickness if strain > 0.0 else _NOT_FELT * self.thickness)
         if self._known is not None:
-            # Not yet, if it has moved by less than it was away from that.
-            last, room = self._known
+            # Not yet, if it has moved by less than is left since it was looked at.
+            last, depth = self._known
             twist = mean_twist(last, pose, 1.0)
             moved = math.hypot(*twist[:3].tolist()) + self._radius * math.hypot(*twist[3:].tolist())
-            if moved < room:
+            if depth + moved < most:
                 return False
         depth = self.overlap(pose).depth
-        self._known = np.array(pose), self._most - depth
-        return depth > self._most + aside
+        self._known = np.array(pose), depth
+        return depth > most
 
     def clear(self, pose: Array) -> Overlap:
         """Return the way out of all bodies, and how long it is, a step of `thickness` more."""
@@ -148,21 +154,23 @@ class LayerEnd:
             total += depth + 1e-6
             moved[:3] = pose[:3] + total * normal
             depth = self.overlap(moved).depth
-        return Overlap(total + self._most, normal)
+        return Overlap(total + self._tops + self.thickness, normal)
 
     def steps(self, pose: Array) -> list[Array]:
         """Return poses (7,) that bring the tool in, from outside along the shortest way out.
 
         They are the same for poses along one way, so that these find the same body.
         """
-        way, step = self.clear(pose), _STEP * self.thickness
+        way, step = self.clear(pose), _FOLLOWED * self.thickness
         left = [*np.arange(way.depth, 0.0, -step).tolist(), 0.0]
         out = [np.array(pose) for _ in left]
         for far, place in zip(left, out, strict=True):
             place[:3] += far * way.normal
         return out
 
-    def hold(self, pose: Array, press: Callable[[Array], float], contacts: Contacts) -> Held | None:
+    def hold(
+        self, pose: Array, press: Callable[[Array], float], contacts: Contacts
+    ) -> HeldContact | None:
         """Have the contact of a pose at which the layer is pressed too far, or loses the tool.
 
         Parameters
@@ -176,16 +184,16 @@ class LayerEnd:
         """
         way = self.clear(pose)
         if not way.normal.any():  # only its texture is so deep
-            return Held(0.0, way.normal, self.thickness)
+            return HeldContact(0.0, way.normal, self.thickness)
         found, moved = self._flat_at(pose, way, press), np.array(pose)
         if found < 0.0:
             if 0.0 < press(pose) <= FLAT:  # what is felt of it is not all
-                return Held(0.0, way.normal, self.thickness)
+                return HeldContact(0.0, way.normal, self.thickness)
             contacts.count[1] = 1
             found = way.depth
         moved[:3] += found * way.normal
         press(moved)
-        return None if contacts.count[1] else Held(found, way.normal, self.thickness)
+        return None if contacts.count[1] else HeldContact(found, way.normal, self.thickness)
 
     def _flat_at(self, pose: Array, way: Overlap, press: Callable[[Array], float]) -> float:
         """Return how far outside a pose the layer is just pressed flat [m]; -1 for nowhere."""
@@ -195,11 +203,15 @@ class LayerEnd:
             moved[:3] = pose[:3] + far * way.normal
             return press(moved)
 
+        def is_beyond(found: float, outer: float) -> bool:
+            # A small tool that is deeper than the layer is lost, and not pressed further.
+            return found > FLAT or found == 0.0 < outer
+
         low, high = max(self._guess - step, 0.0), self._guess + step  # near the last one first
         at_low, at_high = pressed(low), pressed(high)
-        if not 0.0 < at_high <= FLAT < at_low:
-            low, at_low = way.depth, pressed(way.depth)
-            while at_low <= FLAT:
+        if not 0.0 < at_high <= FLAT or not is_beyond(at_low, at_high):
+            low, at_low, at_high = way.depth, pressed(way.depth), 0.0
+            while not is_beyond(at_low, at_high):
                 if low == 0.0:
                     return -1.0
                 high, at_high, low = low, at_low, max(low - step, 0.0)
@@ -207,10 +219,12 @@ class LayerEnd:
         for turn in range(_HALVINGS):
             if at_high > FLAT - _CLOSE:
                 break
-            share = 0.5 if turn % 3 == 2 else (at_low - FLAT + 0.5 * _CLOSE) / (at_low - at_high)
-            middle = low + min(share, 1.0) * (high - low)
+            share = 0.5
+            if turn % 3 < 2 and at_low > 0.0:
+                share = min((at_low - FLAT + 0.5 * _CLOSE) / (at_low - at_high), 1.0)
+            middle = low + share * (high - low)
             found = pressed(middle)
-            if found > FLAT:
+            if is_beyond(found, at_high):
                 low, at_low = middle, found
             else:
                 high, at_high = middle, found

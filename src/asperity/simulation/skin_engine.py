@@ -16,7 +16,7 @@ from asperity.contact.soft.skin_contact import SkinContact
 from asperity.geometry.poses import mean_twist, rotation_of
 from asperity.geometry.rigid_body import centre_of_mass, cross
 from asperity.scene.scene import Scene
-from asperity.simulation.layer_end import FLAT, Held, LayerEnd
+from asperity.simulation.layer_end import FLAT, HeldContact, LayerEnd
 from asperity.simulation.summed_contact import fill_summed
 
 
@@ -52,7 +52,7 @@ class SkinEngine:
     def reset(self) -> None:
         """Forget the last pose."""
         self._last: Array | None = None
-        self._held: Held | None = None
+        self._held: HeldContact | None = None
         self._force = np.zeros(3)
         self._end.reset()
         self.contacts.count[:] = 0
@@ -72,7 +72,7 @@ class SkinEngine:
         wrench, contacts = self._pressed(pose, twist), self.contacts
         self._held, contacts.count[1], contacts.status[0] = None, 0, 0
         strain = float(self.skin.out.push[5])
-        if strain > FLAT or self._end.is_lost(pose):
+        if strain > FLAT or self._end.is_lost(pose, strain):
 
             def press(place: Array) -> float:
                 wrench[:] = self._pressed(place, twist)
