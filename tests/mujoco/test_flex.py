@@ -229,6 +229,23 @@ def test_the_layer_is_the_flexs_own_unless_given():
     assert any("1e+05 Pa (assumed)" in n for n in textured.attach(model, {"pad": WAVES}).notes)
 
 
+@pytest.mark.parametrize(("bits", "count"), [("1", 1), ("2", 0)])
+def test_a_flex_that_meets_another_one_is_told_of(bits, count):
+    """Their contacts are MuJoCo's own: two surfaces that both yield do not meet each other."""
+    second = f"""<flexcomp name="cloth" type="grid" dim="2" count="3 3 1" spacing=".01 .01 .01"
+      pos="0 .2 .1" mass=".01"><edge equality="true"/>
+      <contact selfcollide="none" contype="{bits}" conaffinity="{bits}"/></flexcomp></worldbody>"""
+    usual = {
+        "step": 0.001, "cone": "elliptic", "gravity": 0, "by": "Euler", "floor": -1.0,
+        "height": 0.075, "kind": "sphere", "dim": 3, "dof": "full", "count": "4 4 2",
+        "elasticity": EDGES, "contact": "", "tip": "tip",
+    }  # fmt: skip
+    model = mujoco.MjModel.from_xml_string(XML.replace("</worldbody>", second).format(**usual))
+    found = [n for n in textured.attach(model, {"pad": WAVES}).notes if "meets flex 'cloth'" in n]
+    assert len(found) == count
+    assert all("\n" not in note for note in found)
+
+
 def test_what_is_too_deep_for_the_layer_stays_mujocos_own():
     model, data = scene(height=0.06)
     surfaces = textured.attach(model, {"pad": textured.Layer(WAVES, thickness=3e-4)})

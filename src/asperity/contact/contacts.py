@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from asperity._core.structures import by_reference
 
+NOT_CERTIFIED = 1
+"""Status of a contact that may not be right; see `Contacts`."""
 NO_ROOM = 2
 """Status of a contact beside which others were dropped; see `Contacts`."""
 
@@ -22,7 +24,8 @@ class Contacts(NamedTuple):
 
     count: NDArray[np.int64]  # type: ignore[assignment]  # hides tuple.count
     """Number of contacts; and how many were left out, because there was no room for them, or for
-    pairs of facets, or because a search ended that had found nothing yet; (2,)."""
+    pairs of facets, because a search ended that had found nothing yet, or because the tool is where
+    a soft layer does not reach; (2,)."""
     body: NDArray[np.int64]
     """Number of the scene body, (n,)."""
     point: NDArray[np.float64]
@@ -44,8 +47,8 @@ class Contacts(NamedTuple):
     force: NDArray[np.float64]
     """Force on the tool [N], (n, 3)."""
     status: NDArray[np.int64]
-    """0: certified; 1: the search ended before the gap was within the tolerance; 2: some other
-    contact was left out; (n,)."""
+    """0: certified; 1: the search ended before the gap was within the tolerance, or a soft body is
+    pressed harder than its model allows; 2: some other contact was left out; (n,)."""
     nodes: NDArray[np.int64]
     """Boxes that the search evaluated, (n,)."""
     ties: NDArray[np.int64]

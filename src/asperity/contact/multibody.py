@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from asperity.contact.body_contact import BodyContact, body_arrays
 from asperity.contact.broad_phase.mujoco_pairs import Candidates, Collider
 from asperity.contact.contacts import Contacts
+from asperity.contact.refused import refuse_soft_bodies
 from asperity.contact.response.settings import ForceSettings
 from asperity.contact.search_room import search_room
 from asperity.errors import AsperityError
@@ -72,6 +73,7 @@ class MultibodySolver:
         bodies: Sequence[Body],
         settings: ForceSettings | None = None,
     ) -> None:
+        refuse_soft_bodies(bodies)
         self._collider = Collider(model, bodies)
         groups = self._collider.groups
         arrays = body_arrays(bodies, self._collider, groups)

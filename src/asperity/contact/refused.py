@@ -2,8 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from asperity.contact.response.settings import ForceSettings
 from asperity.errors import AsperityError
+from asperity.geometry.bodies import Body
+
+
+def refuse_soft_bodies(bodies: Sequence[Body]) -> None:
+    """Refuse what is no rigid body."""
+    for body in bodies:
+        if not isinstance(body, Body):
+            raise AsperityError(
+                f"a rigid contact has bodies (Body), got a {type(body).__name__}; what is soft "
+                "meets them by SkinContact, SurfaceContact or ElasticContact, and no other soft one"
+            )
 
 
 def refuse_for_maps(settings: ForceSettings, tool: str | None, others: list[str | None]) -> None:

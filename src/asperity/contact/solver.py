@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from asperity._core.cores import usable_cores
 from asperity.contact.body_contact import BodyContact, body_arrays
 from asperity.contact.broad_phase.mujoco_pairs import Candidates, Collider
+from asperity.contact.refused import refuse_soft_bodies
 from asperity.contact.response.settings import ForceSettings
 from asperity.errors import AsperityError, require_between
 from asperity.geometry.bodies import Body
@@ -79,6 +80,7 @@ class ContactSolver(BodyContact):
         tool: str,
         settings: ForceSettings | None = None,
     ) -> None:
+        refuse_soft_bodies(bodies)
         names = [body.name for body in bodies]
         if tool not in names:
             raise AsperityError(f"no body named {tool!r}; bodies: {', '.join(names)}")

@@ -233,6 +233,13 @@ def _bodies(
     if left:
         shown = ", ".join(left[:4]) + (", ..." if len(left) > 4 else "")
         notes.append(f"{name} meets {shown} in MuJoCo's own contacts: no simple geom")
+    kinds, wanted = model.flex_contype, model.flex_conaffinity
+    others = (kinds & wanted[flex]) | (wanted & kinds[flex]) != 0
+    for other in np.flatnonzero(others & (np.arange(model.nflex) != flex)).tolist():
+        notes.append(
+            f"{name} meets flex {mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, other)!r} in "
+            "MuJoCo's own contacts, without texture: both yield"
+        )
     is_met = np.asarray(meets & simple)
     found = []
     for one in carried.bodies:

@@ -24,7 +24,15 @@ from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory
 from asperity.simulation.anti_aliasing import SPAN
 from asperity.simulation.simulation import Rollout, Simulation
-from asperity.simulation.tool_contact import BUDGET_SPENT, CUT_SHORT, FALLBACK, SUB_POSES, TOO_FAST
+from asperity.simulation.tool_contact import (
+    BUDGET_SPENT,
+    CUT_SHORT,
+    FALLBACK,
+    NOT_CERTIFIED,
+    OVERFLOW,
+    SUB_POSES,
+    TOO_FAST,
+)
 
 _CERTIFIED = 0.99
 """Share of certified depths below which a run has a note."""
@@ -260,7 +268,7 @@ def _doubts(scene: Scene, rollout: Rollout, dt: float) -> list[str]:
             "present pose: a new one takes longer than a tick; take a lower rate "
             f"(--rate-hz {0.5 / dt:.4g}), or a coarser texture, mesh or grid of taxels"
         )
-    return notes + _uncertified(scene, rollout)
+    return notes + _too_deep(scene, rollout) + _uncertified(scene, rollout)
 
 
 def _too_fast(scene: Scene, rollout: Rollout, dt: float) -> list[str]:
@@ -277,15 +285,36 @@ def _too_fast(scene: Scene, rollout: Rollout, dt: float) -> list[str]:
     ]
 
 
+def _too_deep(scene: Scene, rollout: Rollout) -> list[str]:
+    """Return notes if the tool was deeper in a soft body than its layer can be pressed."""
+    if scene.soft is None:
+        return []
+    name, notes = scene.soft.body.name, []
+    lost = int(np.count_nonzero(rollout.flags & OVERFLOW))
+    flat = int(np.count_nonzero(rollout.flags & NOT_CERTIFIED)) if scene.skin else 0
+    if lost:
+        notes.append(
+            f"in {lost} ticks the tool was in {name} where its soft layer does not reach, and "
+            "there was no force: past the middle, or beside the skin; begin outside, or press less"
+        )
+    if flat:
+        notes.append(
+            f"in {flat} ticks the soft layer of {name} was pressed flat, and forces are those of a "
+            "spring beyond it: press less, or take a thicker or stiffer layer"
+        )
+    return notes
+
+
 def _uncertified(scene: Scene, rollout: Rollout) -> list[str]:
     """Return a note if less than 99 % of the depths are certified."""
     certified, total = int(rollout.statuses[0]), int(rollout.statuses.sum())
-    if certified >= _CERTIFIED * total:
+    if certified >= _CERTIFIED * total or scene.skin is not None:
         return []
     if scene.elastic is not None:
         return [
             f"at {total - certified} of {total} ticks the elastic body was held at its largest "
-            "displacement, or its equations were not solved to tolerance: forces are wrong there"
+            "displacement, its layer was flat, or its equations not solved to tolerance: forces "
+            "are wrong there"
         ]
     helps = f"raise force.max_nodes (now {scene.force.max_nodes}) or force.tolerance, or"
     cut = int(((rollout.flags & CUT_SHORT) != 0).sum())

@@ -9,13 +9,14 @@ import mujoco
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity.contact.contacts import empty_contacts
+from asperity.contact.contacts import NOT_CERTIFIED, empty_contacts
 from asperity.contact.response.stiffness import ContactDerivatives
 from asperity.contact.soft.skin import SoftSkin
 from asperity.contact.soft.skin_contact import SkinContact
 from asperity.geometry.poses import mean_twist, rotation_of
 from asperity.geometry.rigid_body import centre_of_mass, cross
 from asperity.scene.scene import Scene
+from asperity.simulation.layer_end import FLAT, HeldContact, LayerEnd
 from asperity.simulation.summed_contact import fill_summed
 
 
@@ -23,7 +24,8 @@ class SkinEngine:
     """Contact of a scene's tool with its other bodies, where one of them bears a soft skin.
 
     It has what `ToolContact` asks of a `ContactSolver`. Its contact, where there is one, is the sum
-    of all taxels: at the centre of pressure, with the largest compression as its depth.
+    of all taxels: at the centre of pressure, with the largest compression as its depth. Where the
+    layer would be pressed by more than it is thick, see `LayerEnd`.
     """
 
     def __init__(self, scene: Scene, skin: SoftSkin) -> None:
@@ -44,11 +46,15 @@ class SkinEngine:
         """Where they are."""
         self.contacts = empty_contacts(1)
         self.was_cut = False
+        self._end = LayerEnd(scene, skin.thickness)
         self.reset()
 
     def reset(self) -> None:
         """Forget the last pose."""
         self._last: Array | None = None
+        self._held: HeldContact | None = None
+        self._force = np.zeros(3)
+        self._end.reset()
         self.contacts.count[:] = 0
 
     def change(self, settings: Any) -> None:
@@ -63,14 +69,33 @@ class SkinEngine:
             twist[:3] += cross(twist[3:], arm)
         if dt > 0.0:
             self._last = np.array(pose)
-        if self._is_tool:
-            wrench = self.skin.wrench(pose, twist)
-        else:  # the same contact, seen from the tool: equal and opposite
-            self.skin.place([pose])
-            centre = (centre_of_mass(pose, self.centre) - self._home[:3]) @ self._turn
-            wrench = -self.skin.wrench(self._home, -twist, about=centre)
-        fill_summed(self.contacts, self.skin.out.push, wrench[:3], self._damped[:3])
+        wrench, contacts = self._pressed(pose, twist), self.contacts
+        self._held, contacts.count[1], contacts.status[0] = None, 0, 0
+        strain = float(self.skin.out.push[5])
+        if strain > FLAT or self._end.is_lost(pose, strain):
+
+            def press(place: Array) -> float:
+                wrench[:] = self._pressed(place, twist)
+                return float(self.skin.out.push[5])
+
+            self._held = self._end.hold(pose, press, contacts)
+            contacts.status[0] = NOT_CERTIFIED
+        self._force, friction = wrench[:3].copy(), self._damped[:3]
+        if self._held:
+            wrench *= self._held.growth
+            friction = self._held.growth * friction
+        if fill_summed(contacts, self.skin.out.push, wrench[:3], friction) and self._held:
+            contacts.point[0] -= self._held.way * self._held.normal
         return wrench
+
+    def _pressed(self, pose: Array, twist: Array) -> Array:
+        """Return the wrench of the skin at a pose."""
+        if self._is_tool:
+            return self.skin.wrench(pose, twist)
+        # The same contact, seen from the tool: equal and opposite.
+        self.skin.place([pose])
+        centre = (centre_of_mass(pose, self.centre) - self._home[:3]) @ self._turn
+        return np.asarray(-self.skin.wrench(self._home, -twist, about=centre))
 
     def keep(self) -> Array:
         """Return the last pose, for `restore`."""
@@ -89,13 +114,15 @@ class SkinEngine:
     @property
     def energy(self) -> float:
         """U of the last pose [J]."""
-        return self.skin.energy
+        beyond = self._held.energy(self._force) if self._held else 0.0
+        return self.skin.energy + beyond
 
     def derivatives(self, motion: Any = None) -> ContactDerivatives:
         """Return stiffness, damping and the friction in the last wrench."""
         out = self.skin.out
-        return ContactDerivatives(out.stiffness.copy(), out.damping.copy(), self._damped.copy())
+        found = ContactDerivatives(out.stiffness.copy(), out.damping.copy(), self._damped.copy())
+        return self._held.derivatives(found, self._force) if self._held else found
 
     def stiffness(self) -> Array:
         """Return the stiffness (6, 6) at the last pose."""
-        return self.skin.stiffness()
+        return self.derivatives().stiffness

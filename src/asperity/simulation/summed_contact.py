@@ -14,7 +14,7 @@ def fill_summed(contacts: Contacts, push: Array, force: Array, friction: Array) 
     Parameters
     ----------
     contacts : Contacts
-    push : (5,) array
+    push : (6,) array
         As in `contact.soft.taxel_sums.SkinOutput`; the place is left in the axes that it has there.
     force, friction : (3,) array
         On the tool, world axes [N]: all of it, and the part that is friction.

@@ -7,8 +7,13 @@ from soft_sheets import sheet, slab, soft_slab, surface_on
 from asperity.contact.deformable.elastic_body import elastic_body
 from asperity.contact.deformable.elastic_contact import ElasticContact
 from asperity.contact.deformable.surface_contact import SurfaceContact
+from asperity.contact.multibody import MultibodySolver
+from asperity.contact.soft.skin import SoftSkin
+from asperity.contact.soft.skin_contact import SkinContact
+from asperity.contact.solver import ContactSolver
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body, Geom
+from asperity.scene.builtin import load_scene
 
 BALL = Body("ball", [Geom("sphere", (5e-3,))])
 ABOVE = (0.0, 0.0, 4.8e-3, 1.0, 0.0, 0.0, 0.0)
@@ -112,3 +117,25 @@ def test_steps():
         contact.step([(0.0, 0.0, 2e-3, 1.0, 0.0, 0.0, 0.0)], 1e-3)
     assert not contact.surface.wrenches.any()
     assert not contact.displacements.any()
+
+
+def test_two_soft_bodies_are_refused_in_one_line():
+    """In scenes: `tests/scene/test_elastic_table.py`; of flexes a note tells it."""
+    scene, finger = load_scene("elastic-block"), load_scene("finger-plate").skin
+    solid, body = scene.elastic, soft_slab()
+    surface = surface_on(body.mesh)
+    pad = SoftSkin(Body("pad", [Geom("sphere", (5e-3,))]), 1e-3, 1e4)
+    for make in (
+        lambda: SurfaceContact(surface, [surface]),
+        lambda: SurfaceContact(surface, surface),
+        lambda: ElasticContact(body, surface, [body]),
+        lambda: solid.contact([pad]),
+        lambda: SkinContact(pad, [surface]),
+        lambda: SkinContact(pad, [finger]),
+        lambda: ContactSolver(scene.model, [solid, *scene.bodies], scene.tool),
+        lambda: MultibodySolver(scene.model, [pad, *scene.bodies]),
+    ):
+        with pytest.raises(AsperityError, match="rigid") as refused:
+            make()
+        assert "\n" not in str(refused.value)
+        assert "Body" in str(refused.value)

@@ -259,6 +259,22 @@ def test_what_late_ticks_have_cost_is_forgiven_to_a_coupling():
     assert controller.summary()["granted_j"] == pytest.approx(controller.energy, rel=0.1)
 
 
+def test_what_a_correction_needs_is_loaded_before_the_first_tick(monkeypatch):
+    """The passivity controller's first correction asks for the coupling's energy: its kernel."""
+    from asperity.dynamics.virtual_coupling import coupled_tool
+
+    calls, own = [], coupled_tool.displacement
+    monkeypatch.setattr(
+        coupled_tool,
+        "displacement",
+        lambda *given: (calls.append(bench.stats.ticks), own(*given))[1],
+    )
+    bench = Bench(mode="implicit")
+    bench.loop.begin(None)
+    assert calls
+    assert bench.stats.ticks == 0
+
+
 @pytest.mark.parametrize("how", ["stop", "exception"])
 def test_however_it_ends_zero_is_sent_within_two_ticks(how):
     bench = Bench()

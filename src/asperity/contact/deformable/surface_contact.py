@@ -12,7 +12,7 @@ from asperity._core.kernels import Repeated
 from asperity.contact.deformable.press import press_surface
 from asperity.contact.deformable.records import SurfaceMotion, SurfaceState
 from asperity.contact.deformable.surface import DeformableSurface
-from asperity.contact.soft.solids import fill_frames, solids_of
+from asperity.contact.soft.solids import fill_frames, require_bodies, solids_of
 from asperity.contact.soft.taxel_sums import empty_output
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
@@ -61,8 +61,7 @@ class SurfaceContact:
         centres: ArrayLike | None = None,
         leap: float | None = None,
     ) -> None:
-        if not bodies:
-            raise AsperityError("a surface needs one body at least to meet; got none")
+        require_bodies("a surface", bodies)
         self.surface, self._leap = surface, leap
         count, shape = len(bodies), (len(bodies), 3)
         self._centres = np.zeros(shape) if centres is None else np.array(centres, dtype=np.float64)

@@ -12,7 +12,7 @@ from asperity._core.kernels import Repeated
 from asperity.contact.soft.layer import LINEAR
 from asperity.contact.soft.press import press
 from asperity.contact.soft.skin import SoftSkin
-from asperity.contact.soft.solids import fill_frames, solids_of
+from asperity.contact.soft.solids import fill_frames, require_bodies, solids_of
 from asperity.contact.soft.taxel_sums import empty_output
 from asperity.errors import AsperityError, require_finite
 from asperity.geometry.bodies import Body
@@ -62,8 +62,7 @@ class SkinContact:
         *,
         centre: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
-        if not bodies:
-            raise AsperityError("a skin needs one body at least to meet; got none")
+        require_bodies("a skin", bodies)
         self.skin = skin
         placed = [require_pose(p, "pose") for p in poses or [_IDENTITY] * len(bodies)]
         if len(placed) != len(bodies):

@@ -29,8 +29,8 @@ def solids_of(bodies: Sequence[Body], poses: Sequence[Array]) -> Solids:
     for body in bodies:
         if not isinstance(body, Body):
             raise AsperityError(
-                f"a soft layer meets rigid bodies, got a {type(body).__name__}; two surfaces that "
-                "both yield do not meet each other"
+                f"a soft layer meets rigid bodies, got a {type(body).__name__}; valid: Body, as "
+                "two surfaces that both yield do not meet each other"
             )
     refuse_property_maps(bodies)
     bodies = [as_one_geom(body) for body in bodies]
@@ -45,6 +45,16 @@ def solids_of(bodies: Sequence[Body], poses: Sequence[Array]) -> Solids:
     solids = Solids(textures, geometry, reach, frames, bound, extent, meshes)
     fill_frames(solids, poses)
     return solids
+
+
+def require_bodies(what: str, bodies: Sequence[Body]) -> None:
+    """Raise `AsperityError` unless there is a sequence of one body at least."""
+    if not isinstance(bodies, Sequence):
+        raise AsperityError(
+            f"{what} meets a sequence of rigid bodies, got a {type(bodies).__name__}; valid: [Body]"
+        )
+    if not bodies:
+        raise AsperityError(f"{what} needs one body at least to meet; got none")
 
 
 def refuse_property_maps(bodies: Sequence[Body]) -> None:

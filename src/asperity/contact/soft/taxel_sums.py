@@ -41,8 +41,8 @@ class SkinOutput(NamedTuple):
     pressed: Indices
     """Numbers of the taxels in contact, and as the last entry how many there are, (n + 1,)."""
     push: Array
-    """Sum of the forces' sizes [N], of these times their places [N m], and the largest compression
-    [m], (5,)."""
+    """Sum of the forces' sizes [N], of these times their places [N m], the largest compression [m],
+    and the largest one over the layer's thickness there [-], (6,)."""
     wrench: Array
     """(6,) [N, N m]"""
     stiffness: Array
@@ -62,7 +62,7 @@ def empty_output(taxels: int) -> SkinOutput:
     n = taxels
     return SkinOutput(
         np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
-        np.zeros(n + 1, np.int64), np.zeros(5), np.zeros(6), np.zeros((6, 6)),
+        np.zeros(n + 1, np.int64), np.zeros(6), np.zeros(6), np.zeros((6, 6)),
         np.zeros((6, 6)), np.zeros(6), np.zeros(1), np.zeros(10),
     )  # fmt: skip
 
@@ -169,6 +169,7 @@ def add_taxel(t, taxels, friction, pose, origin, m, twist, out):
     out.push[2] += size * y
     out.push[3] += size * z
     out.push[4] = max(out.push[4], out.compression[t])
+    out.push[5] = max(out.push[5], out.compression[t] / taxels.thickness[t])
     return area * stored
 
 

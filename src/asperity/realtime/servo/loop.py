@@ -146,6 +146,7 @@ class ServoLoop:
         pose, _ = self.mapping.to_scene(device.reading)
         # Where coupling and contact balance: a handle that starts in the target does not throw it.
         self.tool.settle(pose, self._first_contact)
+        _ = self.tool.energy  # loads its kernel: a tick that needs it first would be some ms late
         self._handle[:] = pose
         # The first contact may have taken long; what the device did meanwhile is discarded.
         device.read(clock.now())
