@@ -31,6 +31,7 @@ from asperity.viewer.drawables.stage import (
     set_up_view,
     turn_to,
 )
+from asperity.viewer.motions import stroke
 from asperity.viewer.panels.bent import Bent
 from asperity.viewer.panels.detail import Detail
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
@@ -318,6 +319,9 @@ class SceneView(Panel):
         middle[2] = UNITS * low[2] + 0.4 * share * UNITS * (high[2] - low[2])
         size = share * self._size
         middle[2] += 0.5 * _FORCE_LENGTH * size
+        way = UNITS * stroke(scene.motion)  # in which a small tool would leave the view
+        if (length := float(np.linalg.norm(way))) > 0.5 * size:
+            middle, size = middle + 0.5 * way, max(size, length)
         towards = _VIEW / np.linalg.norm(_VIEW)
         # The panels cover the right of the page.
         right = np.cross([0.0, 0.0, 1.0], towards)
@@ -339,9 +343,7 @@ class SceneView(Panel):
         ends = np.array([pose[:3] + rotation_of(pose[3:]) @ self._centre for pose in poses])
         ends = UNITS * (ends - snapshot.tool_pose[:3])
         apart = float(np.linalg.norm(ends[1] - ends[0]))
-        self._ghost.visible = apart > 1e-6 or bool(
-            np.abs(snapshot.tool_pose[3:] - snapshot.handle_pose[3:]).max() > 1e-6
-        )
+        self._ghost.visible = bool(max(apart, np.abs(poses[0][3:] - poses[1][3:]).max()) > 1e-6)
         self._stretch.points = ends[None].astype(np.float32)
 
     def _show_contacts(self, snapshot: Snapshot) -> None:
@@ -352,8 +354,7 @@ class SceneView(Panel):
             self._shadow.position = tuple((points[0] + _ABOVE * normal).tolist())
             self._shadow.wxyz = turn_to(normal)
         self._contacts.points = points
-        near = self.detail.zoomed
-        if self._thin != near:
+        if self._thin != (near := self.detail.zoomed):
             self._thin = near
             size = (_POINT_NEAR if near else 1.0) * self._seen
             self._contacts.point_size = _POINT * size
