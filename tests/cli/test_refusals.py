@@ -170,7 +170,7 @@ def test_bad_options_of_findings(options, names, capsys, tmp_path):
         ("study force --spacings x", "--spacings must be a whole number, got 'x'"),
         ("run probe-plate --secnods 3", "unknown: --secnods, 3 (did you mean --seconds?)"),
         ("view --zzzzz", "unknown: --zzzzz"),
-        ("rnu", "unknown: rnu; available subcommands: demo, study, run,"),
+        ("rnu", "no command 'rnu' (did you mean 'run'?); one of: demo, study, run,"),
         ("export a --kinds csv xyz", "invalid choice 'xyz' for argument '--kinds'. Expected one"),
         ("run probe-plate --coupling", "Missing value for argument '--coupling'"),
         ("sweep", "Missing from asperity sweep: STUDY.toml Fixed parameters, varied parameters"),

@@ -65,6 +65,27 @@ def test_without_a_terminal_a_line_tells_how_far_it_is(monkeypatch):
     assert set(lines) == {"asperity: probe-plate 0.5 N, 40 %, 0 s so far"}
 
 
+def test_a_task_that_waits_for_kernels_tells_how_many_are_compiled(monkeypatch):
+    kept = [40]
+    monkeypatch.setattr("asperity._core.kernels.cache_state", lambda: (None, kept[0]))
+    with progress.progress_bars() as bars:
+        label = progress.labels()
+        first, second = (bars.add_task(what, total=1) for what in ("one", "two"))
+
+        def told():
+            return [label(bars.tasks, task) for task in bars.tasks]
+
+        assert told() == ["one", "two"]
+        kept[0] = 52
+        assert told() == ["one (kernels compiled: 12)", "two"]
+        bars.advance(first)
+        assert told() == ["one", "two"]
+        kept[0] = 60
+        assert told() == ["one", "two (kernels compiled: 8)"]
+        bars.advance(second)
+        assert told() == ["one", "two"]
+
+
 def test_short_work_says_nothing():
     said = io.StringIO()
     with redirect_stderr(said), progress.progress_bars() as bars:

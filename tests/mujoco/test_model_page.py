@@ -9,6 +9,7 @@ from asperity.cli.main import main
 from asperity.errors import AsperityError
 
 pytest.importorskip("viser")
+from asperity.mujoco.model_panel import ModelPanel
 from asperity.mujoco.page import ModelPage, contact_forces
 from asperity.viewer.drawables.stage import UNITS
 
@@ -33,8 +34,9 @@ def test_bodies_and_forces_are_where_the_model_has_them():
         ball = page._frames[model.body("ball").id]
         np.testing.assert_allclose(ball.position, UNITS * data.body("ball").xpos, rtol=1e-6)
         points, forces = contact_forces(model, data)
-        np.testing.assert_allclose(forces.sum(axis=0), -data.qfrc_constraint[:3], atol=1e-9)
-        assert forces[:, 2].sum() < -0.01  # on the table, which comes second
+        # On the ball: the table, which comes second, cannot move.
+        np.testing.assert_allclose(forces.sum(axis=0), data.qfrc_constraint[:3], atol=1e-9)
+        assert forces[:, 2].sum() > 0.01
         arrows = np.asarray(page._arrows.points)
         np.testing.assert_allclose(arrows[:, 0], UNITS * points, atol=1e-4)
         along = arrows[:, 1] - arrows[:, 0]
@@ -62,6 +64,33 @@ def test_a_model_file_runs_on_a_page(tmp_path, capsys):
     assert float(printed.split("ended after ")[1].split()[0]) > 0.1
     assert main(["view", str(tmp_path / "none.xml"), *options]) == 2
     assert "no model file" in capsys.readouterr().err
+
+
+def test_a_model_is_paused_moved_and_reset_from_the_page():
+    xml = XML.replace("<freejoint/>", '<joint name="z" type="slide" axis="0 0 1"/>').replace(
+        "</mujoco>",
+        """<actuator><motor joint="z" name="push" ctrlrange="-1 2"/><motor joint="z"/></actuator>
+        <keyframe><key qpos="0.5" ctrl="0.25 7" time="3"/></keyframe></mujoco>""",
+    )
+    surfaces = textured.attach(mujoco.MjModel.from_xml_string(xml))
+    data = mujoco.MjData(surfaces.model)
+    with ModelPage(surfaces, port=0, triangles=5000) as page:
+        panel = ModelPanel(page.server, surfaces)
+        panel.start(data)
+        assert (data.time, data.qpos[0]) == (3.0, 0.5)
+        assert [control.value for control in panel._controls] == [0.25, 7.0]
+        panel._changed[0] = -1.0
+        assert not panel.act(data)
+        assert data.ctrl.tolist() == [-1.0, 7.0]
+        surfaces.step(data, 10)
+        panel._pause(None)
+        panel.show(data, np.array([[0.0, 3.0, 4.0]]))
+        assert panel.is_paused
+        assert "**3.01 s** · paused" in panel._state.content
+        assert "contacts: 1 · largest force: 5.00 N" in panel._state.content
+        panel._reset(None)
+        assert panel.act(data)
+        assert (data.time, data.ctrl.tolist()) == (3.0, [0.25, 7.0])
 
 
 def test_flexes_move_and_a_plane_is_the_ground():

@@ -343,6 +343,7 @@ def test_include_defaults_and_assets_in_folders(load):
          "names the file 'no.png', which cannot be opened; valid"),
         ("<mujoco><worldbody><geom type='sphere'", "is not MJCF"),
         ("no xml", "is not MJCF"),
+        (" \n", "the file is empty"),
         ("<mujoco>\n<worldbody></mujoco>", r"its XML is damaged in line 2 at <worldbody>"),
         ("<mujoco><worldbody><geom sise='1'/></worldbody></mujoco>",
          r"is not MJCF: unrecognized attribute: 'sise'"),

@@ -16,6 +16,7 @@ from asperity.simulation.tool_contact import (
     BUDGET_SPENT,
     SUB_POSES,
     TOO_FAST,
+    _say_compiling,
     announce_compiling,
 )
 
@@ -177,11 +178,13 @@ def test_the_first_force_loads_no_plots_and_no_meshes():
 
 def test_compiling_is_told_once_and_only_if_nothing_is_kept(tmp_path, monkeypatch, caplog):
     announce = announce_compiling
+    _say_compiling.cache_clear()
     monkeypatch.setattr("asperity._core.kernels.kernel_folder", lambda _: tmp_path)
     for _ in range(2):
         announce.cache_clear()
         with caplog.at_level(logging.WARNING):
             announce()
-            announce()
+            announce("mesh_tick")
         assert ["compiling the contact kernels" in r.message for r in caplog.records] == [True]
         (tmp_path / "tick.tick-51.py311.1.nbc").touch()
+        (tmp_path / "tick.mesh_tick-51.py311.1.nbc").touch()

@@ -154,6 +154,10 @@ def test_help_explains_keys_and_words(shown, tab):
     assert "Passivity controller" in tab.locator("[role=dialog]").inner_text()
     tab.get_by_role("button", name="Close").click()
     tab.get_by_text("Keys, signs and words").wait_for(state="hidden")
+    tab.keyboard.press("h")
+    tab.get_by_text("Keys, signs and words").wait_for()
+    tab.keyboard.press("Escape")
+    tab.get_by_text("Keys, signs and words").wait_for(state="hidden")
     title = tab.locator("tr:has-text('fallbacks')").first.get_attribute("title")
     assert "too late" in title
 

@@ -11,7 +11,7 @@ from asperity.realtime.devices.pointer_file import MAX_POSES, PointerFile
 from asperity.realtime.devices.protocol import Reading
 from asperity.scene.builtin import load_scene
 from asperity.viewer.motions import CannedMotion, motion_table
-from asperity.viewer.panels.mouse import CONTROL_TIMEOUT, Holder
+from asperity.viewer.panels.mouse import CONTROL_TIMEOUT, Holder, _near_tool
 
 ORIGIN = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
@@ -145,3 +145,9 @@ def test_one_tab_holds_the_tool_until_it_rests_is_closed_or_another_takes_it():
     assert not holder.may(2, 8.1)
     holder.gone(3)
     assert holder.may(2, 8.2)
+
+
+def test_the_gizmo_is_on_what_is_seen_of_the_tool():
+    """The handle of the ball of `palpation` is not drawn; a probe's centre of mass is in it."""
+    assert np.abs(_near_tool(load_scene("palpation"))).max() < 0.0061
+    assert _near_tool(load_scene("probe-plate"))[2] > 0.02

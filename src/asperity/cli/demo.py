@@ -33,7 +33,7 @@ class DemoCommand:
         from asperity._core.output import refuse_foreign_page, result_folder, write_page
         from asperity.cli.data_files import measured_folder
         from asperity.cli.demo_pipeline import run_demo, steps
-        from asperity.cli.progress import compile_notice, progress_bars
+        from asperity.cli.progress import progress_bars
         from asperity.cli.report import report_page
         from asperity.simulation.tool_contact import announce_compiling
         from asperity.studies.otaduy_lin_2004.claims import count_reproduced
@@ -45,18 +45,13 @@ class DemoCommand:
         loading = time.perf_counter() - start
         drags, rubs, ticks = steps(settings)
         announce_compiling("mesh_tick")
-        studies = compile_notice(
-            "studies", ("dynamics.dragged_hand.periodic_motion", "drag_until_repeat")
-        )
-        scenes = compile_notice(
-            "scenes", ("contact.geom_tick", "tick"), ("contact.mesh_tick", "mesh_tick")
-        )
         with result_folder(self.out / "demo", overwrite=self.overwrite) as folder:
             with progress_bars() as bars:
-                first = bars.add_task(studies, total=drags)
+                first = bars.add_task("studies", total=drags)
                 # In the order in which they end: the line names the first unfinished one.
-                second = bars.add_task(scenes, total=ticks)
+                second = bars.add_task("scenes", total=ticks)
                 third = bars.add_task("surfaces", total=rubs)
+                bars.add_task("figures and report", total=None)
                 results = run_demo(
                     folder, data, settings=settings,
                     on_drag=lambda: bars.advance(first), on_ticks=lambda: bars.advance(second),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from asperity.errors import did_you_mean
+
 _KINDS = {"FLOAT": "a number", "INT": "a whole number"}
 _HEADINGS = (
     r"^(Value error|Unrecognized options|Missing argument|Invalid choice|Required options); "
@@ -25,7 +27,11 @@ def one_line(text: str) -> str:
     unknown = re.match(r"Unrecognized options: (.*?)(?:; (.*))?$", message)
     if unknown:
         near = re.match(r"Perhaps you meant: (--[\w.-]+)", unknown[2] or "")
-        known = re.match(r"(Available subcommands: .*?)(?:;|$)", unknown[2] or "")
-        hint = f" (did you mean {near[1]}?)" if near else f"; {known[1].lower()}" if known else ""
+        known = re.match(r"Available subcommands: (.*?)(?:;|$)", unknown[2] or "")
+        if known:  # the first word is no command, so what follows it is not at fault
+            word = unknown[1].split(",")[0]
+            hint = did_you_mean(word, known[1].split(", "))
+            return f"no command {word!r}{hint}; one of: {known[1]}"
+        hint = f" (did you mean {near[1]}?)" if near else ""
         return f"unknown: {unknown[1]}{hint}"
     return message

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
+    from rich.progress import Progress, Task
 
 FIRST_LINE, LINES = 2.0, 10.0
 """Without a terminal: time until the first line, and between lines [s]."""
@@ -19,7 +19,8 @@ FIRST_LINE, LINES = 2.0, 10.0
 def progress_bars(*, remaining: bool = False) -> Iterator[Progress]:
     """Give a display to which tasks are added, bars on a terminal, and else a line now and then.
 
-    With `remaining` it also estimates the remaining time.
+    The first unfinished task names the number of kernels compiled while it waits for them. With
+    `remaining` the display also estimates the remaining time.
     """
     from rich.console import Console
     from rich.progress import (
@@ -31,9 +32,18 @@ def progress_bars(*, remaining: bool = False) -> Iterator[Progress]:
         TimeElapsedColumn,
         TimeRemainingColumn,
     )
+    from rich.text import Text
+
+    label = labels()
+
+    class Label(ProgressColumn):
+        max_refresh = 0.5  # [s]: files are counted for it
+
+        def render(self, task: Task) -> Text:
+            return Text(f"{label(display.tasks, task):<28}")
 
     columns: list[ProgressColumn] = [
-        TextColumn("{task.description:<28}"),
+        Label(),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
@@ -45,12 +55,39 @@ def progress_bars(*, remaining: bool = False) -> Iterator[Progress]:
         if console.is_terminal:
             yield display
             return
-        with _lines(display):
+        with _lines(display, label):
             yield display
 
 
+def labels() -> Callable[[Sequence[Task], Task], str]:
+    """Return what gives the label of a task, from all tasks and that one.
+
+    The first unfinished task may wait for kernels. Threads and other processes compile them, so
+    those are counted that came into the cache since that task is the first.
+    """
+    from asperity._core.kernels import cache_state
+
+    since: dict[int, int] = {}
+
+    def label(tasks: Sequence[Task], task: Task) -> str:
+        what = " ".join(task.description.split())
+        first = next((one for one in tasks if not _is_done(one)), None)
+        if task is not first or task.completed:
+            return what
+        count = cache_state()[1]
+        compiled = count - since.setdefault(task.id, count)
+        return f"{what} (kernels compiled: {compiled})" if compiled > 0 else what
+
+    return label
+
+
+def _is_done(task: Task) -> bool:
+    # Not `finished`: a task of several steps counts to its end more than once.
+    return task.total is not None and task.completed >= task.total
+
+
 @contextmanager
-def _lines(display: Progress) -> Iterator[None]:
+def _lines(display: Progress, label: Callable[[Sequence[Task], Task], str]) -> Iterator[None]:
     """Print the state of the first unfinished task on stderr, from a thread, until the end."""
     ended = threading.Event()
 
@@ -58,15 +95,12 @@ def _lines(display: Progress) -> Iterator[None]:
         wait = FIRST_LINE
         while not ended.wait(wait):
             wait = LINES
-            # Not `finished`: a task of several steps counts to its end more than once.
             tasks = list(display.tasks)
-            open_tasks = [one for one in tasks if one.total is None or one.completed < one.total]
-            if open_tasks:
-                task = open_tasks[0]
+            task = next((one for one in tasks if not _is_done(one)), None)
+            if task is not None:
                 share = f", {task.percentage:.0f} %" if task.total else ""
-                what = " ".join(task.description.split())
                 since = f", {task.elapsed or 0.0:.0f} s so far"
-                print(f"asperity: {what}{share}{since}", file=sys.stderr, flush=True)
+                print(f"asperity: {label(tasks, task)}{share}{since}", file=sys.stderr, flush=True)
 
     thread = threading.Thread(target=tell, name="progress", daemon=True)
     thread.start()
@@ -75,14 +109,3 @@ def _lines(display: Progress) -> Iterator[None]:
     finally:
         ended.set()
         thread.join()
-
-
-def compile_notice(what: str, *kernels: tuple[str, str]) -> str:
-    """Return the description of a bar, which mentions that a kernel has to be compiled first.
-
-    `kernels` are their modules and names, as for `is_compiled`.
-    """
-    from asperity._core.kernels import is_compiled
-
-    is_ready = all(is_compiled(module, name) for module, name in kernels)
-    return what if is_ready else f"{what} (compiling first)"

@@ -113,7 +113,7 @@ class StudyCommand:
             self._run_ensemble()
             return
         from asperity._core.output import result_folder
-        from asperity.cli.progress import compile_notice, progress_bars
+        from asperity.cli.progress import progress_bars
         from asperity.runs.vibration_metrics import METRICS
         from asperity.studies.otaduy_lin_2004.claims import count_reproduced
         from asperity.studies.otaduy_lin_2004.studies import require_study, run_study
@@ -130,10 +130,7 @@ class StudyCommand:
         with result_folder(out, overwrite=self.overwrite) as folder:
             simulator = settings.simulator()
             with progress_bars() as bars:
-                notice = compile_notice(
-                    "studies", ("dynamics.dragged_hand.periodic_motion", "drag_until_repeat")
-                )
-                task = bars.add_task(notice, total=total)
+                task = bars.add_task("studies", total=total)
                 results = {
                     name: run_study(
                         name,
@@ -172,7 +169,7 @@ class StudyCommand:
 
     def _run_ensemble(self) -> None:
         from asperity._core.output import result_folder
-        from asperity.cli.progress import compile_notice, progress_bars
+        from asperity.cli.progress import progress_bars
         from asperity.studies.ensemble.members import EnsembleSettings
         from asperity.studies.ensemble.run import run_ensemble
         from asperity.studies.ensemble.write import write_ensemble
@@ -188,10 +185,7 @@ class StudyCommand:
         out = self.out or Path("out/ensemble")
         with result_folder(out, overwrite=self.overwrite) as folder:
             with progress_bars() as bars:
-                notice = compile_notice(
-                    "plates", ("dynamics.dragged_hand.periodic_motion", "drag_until_repeat")
-                )
-                task = bars.add_task(notice, total=total)
+                task = bars.add_task("plates", total=total)
                 result = run_ensemble(settings, progress=lambda: bars.advance(task))
             summary = write_ensemble(result, folder)
         paper, people = summary["paper"], summary["people"]

@@ -21,6 +21,7 @@ from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.geometry.mesh.normals import HARD_ANGLE
 from asperity.mujoco.bodies import frame_of
 from asperity.mujoco.flexes import flex_triangles
+from asperity.mujoco.model_panel import ModelPanel
 from asperity.mujoco.names import geom_name
 from asperity.mujoco.surfaces import Surfaces, attach
 from asperity.scene.mjcf import GEOMS, model_mesh
@@ -34,14 +35,20 @@ Array = NDArray[np.float64]
 _HERE = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 _MOST_GROUP = 2
 """Geoms of higher groups are not shown, as in MuJoCo's own viewer."""
-_LONGEST = 0.4
-"""Length of the arrow of the largest force of late, over the model's extent."""
+_LONGEST = 0.25
+"""Length of the arrow of the largest force of late, over the size of what is seen."""
 _FADING = 0.9
 """Part of the largest force that is left at the next picture."""
 _FINE = 200_000
 """Triangles by default: a model has more textured geoms than a scene."""
+_WIDE = 10.0
+"""Largest extent of a model in units of the view, within which viser draws shadows."""
+_FIELD_OF_VIEW, _FROM = 35.0, np.array([0.7, -0.93, 0.58])
+"""Field of view of browsers [degrees], and where they look from, over the size of what is seen."""
 _BEHIND, _MOST_STEPS = 0.5, 20
 """Delay from which on a model no longer catches up with real time [s], and most steps at once."""
+_IDLE = 0.01
+"""Wait of a paused model [s]."""
 
 
 class ModelPage:
@@ -83,7 +90,10 @@ class ModelPage:
     ) -> None:
         require_between("triangles", triangles, FEWEST, MOST, "")
         self._model, self._now, self._shown = surfaces.model, now, -np.inf
-        self.server: Any = start_server(LOCAL, port, "asperity: MuJoCo model")
+        name = self._model.names.split(b"\0")[0].decode("utf-8", "replace")
+        self.units = min(UNITS, _WIDE / float(self._model.stat.extent))
+        """Units of the view per metre."""
+        self.server: Any = start_server(LOCAL, port, f"asperity: {name}")
         set_up_view(self.server)
         self._frames = [
             self.server.scene.add_frame(f"/model/{b}", show_axes=False)
@@ -91,26 +101,24 @@ class ModelPage:
         ]
         for body, shape in _shapes(surfaces, triangles):
             image = shape.atlas.image() if shape.atlas is not None else None
-            add_shape(self.server, shape, f"/model/{body}", image=image)
+            add_shape(self.server, shape, f"/model/{body}", image=image, units=self.units)
         self._most = 1e-9
-        self._size = UNITS * float(self._model.stat.extent)
+        self._size = self.units * float(self._model.stat.extent)
         ground = _ground(surfaces)
         if ground is not None:
-            add_ground(self.server, float(self._model.geom_pos[ground, 2]), self._size / UNITS)
+            height, size = float(self._model.geom_pos[ground, 2]), self._size / self.units
+            add_ground(self.server, height, size, self.units)
         self._flexes = [
             (flex, self._add_flex(flex))
             for flex in range(self._model.nflex)
             if self._model.flex_group[flex] <= _MOST_GROUP
         ]
         self._arrows = self.server.scene.add_arrows(
-            "/forces", np.zeros((0, 2, 3), np.float32), CONTACT, shaft_radius=0.004 * self._size,
-            head_radius=0.01 * self._size, head_length=0.025 * self._size,
-        )  # fmt: skip
-        middle = UNITS * np.asarray(self._model.stat.center)
-        first = self.server.initial_camera
-        first.position = tuple(middle + self._size * np.array([0.6, -0.8, 0.5]))
-        first.look_at, first.up = tuple(middle), (0.0, 0.0, 1.0)
-        first.near, first.far = 0.01 * self._size, 100.0 * self._size
+            "/forces", np.zeros((0, 2, 3), np.float32), CONTACT
+        )
+        self.panel: ModelPanel | None = None
+        """Buttons and sliders, if `run_on_page` steps the model."""
+        self._is_framed = False
 
     @property
     def url(self) -> str:
@@ -125,17 +133,43 @@ class ModelPage:
         if self._now() - self._shown < 1.0 / UPDATE_RATE:
             return False
         self._shown = self._now()
+        if not self._is_framed:
+            self._is_framed = True
+            self._frame(data)
         points, forces = contact_forces(self._model, data)
         size = np.linalg.norm(forces, axis=1)
         self._most = max(_FADING * self._most, float(size.max(initial=0.0)))
-        ends = UNITS * points + _LONGEST * self._size / self._most * forces
+        ends = self.units * points + _LONGEST * self._size / self._most * forces
         with self.server.atomic():
             for b, frame in enumerate(self._frames):
-                place(frame, np.append(data.xpos[b], data.xquat[b]))
+                place(frame, np.append(data.xpos[b], data.xquat[b]), self.units)
             for flex, mesh in self._flexes:
                 mesh.vertices = self._flex_vertices(data, flex)
-            self._arrows.points = np.stack([UNITS * points, ends], axis=1).astype(np.float32)
+            self._arrows.points = np.stack([self.units * points, ends], axis=1).astype(np.float32)
+            if self.panel is not None:
+                self.panel.show(data, forces)
         return True
+
+    def _frame(self, data: mujoco.MjData) -> None:
+        """Have browsers look at what the model's first state occupies, planes apart."""
+        radius = self._model.geom_rbound[:, None]
+        is_seen = (self._model.geom_group <= _MOST_GROUP) & (radius[:, 0] > 0.0)
+        places = np.concatenate([
+            (data.geom_xpos - radius)[is_seen], (data.geom_xpos + radius)[is_seen],
+            data.flexvert_xpos.reshape(-1, 3),
+        ])  # fmt: skip
+        if not len(places):
+            return
+        low, high = self.units * places.min(axis=0), self.units * places.max(axis=0)
+        size = float(np.linalg.norm(high - low))
+        self._size = size
+        self._arrows.shaft_radius, self._arrows.head_radius = 0.006 * size, 0.015 * size
+        self._arrows.head_length = 0.04 * size
+        first, middle = self.server.initial_camera, 0.5 * (low + high)
+        first.position = tuple(middle + size * _FROM)
+        first.look_at, first.up = tuple(middle), (0.0, 0.0, 1.0)
+        first.fov = np.radians(_FIELD_OF_VIEW)
+        first.near, first.far = 0.01 * size, 100.0 * size
 
     def _add_flex(self, flex: int) -> Any:
         """Add a flex, whose vertices move; it is drawn without its texture."""
@@ -150,7 +184,7 @@ class ModelPage:
     def _flex_vertices(self, data: mujoco.MjData, flex: int) -> NDArray[np.float32]:
         """Return the vertices of a flex in units of the view, (n, 3)."""
         start, count = int(self._model.flex_vertadr[flex]), int(self._model.flex_vertnum[flex])
-        return (UNITS * data.flexvert_xpos[start : start + count]).astype(np.float32)
+        return (self.units * data.flexvert_xpos[start : start + count]).astype(np.float32)
 
     def close(self) -> None:
         """Take the page down."""
@@ -182,28 +216,40 @@ def run_on_page(surfaces: Surfaces, page: ModelPage, seconds: float | None = Non
     """Run a model in real time on a page, until Ctrl-C or for `seconds`; return its time [s]."""
     model = surfaces.model
     data = mujoco.MjData(model)
-    if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-    begun, dt = time.perf_counter(), model.opt.timestep
+    page.panel = panel = ModelPanel(page.server, surfaces)
+    panel.start(data)
+    started, dt = time.perf_counter(), model.opt.timestep
+    begun = started - data.time
     with contextlib.suppress(KeyboardInterrupt):
-        while seconds is None or time.perf_counter() - begun < seconds:
+        while seconds is None or time.perf_counter() - started < seconds:
             late = time.perf_counter() - begun - data.time
-            if late < 0.0:
+            if panel.act(data) or panel.is_paused:
+                time.sleep(_IDLE)
+                begun = time.perf_counter() - data.time
+            elif late < 0.0:
                 time.sleep(-late)
-            elif late > _BEHIND:
-                begun += late  # too slow for real time: it runs as fast as it can
-            surfaces.step(data, max(1, min(int(late / dt), _MOST_STEPS)))
+            else:
+                if late > _BEHIND:
+                    begun += late  # too slow for real time: it runs as fast as it can
+                surfaces.step(data, max(1, min(int(late / dt), _MOST_STEPS)))
             page.show(data)
     return float(data.time)
 
 
 def contact_forces(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
-    """Return places (n, 3) [m] and forces (n, 3) on the second geoms [N] of all contacts."""
+    """Return places (n, 3) [m] and forces (n, 3) [N] of all contacts.
+
+    A force is that on the second geom, or on the first if only that one can move.
+    """
     points, forces, force = np.zeros((data.ncon, 3)), np.zeros((data.ncon, 3)), np.zeros(6)
     for i in range(data.ncon):
         mujoco.mj_contactForce(model, data, i, force)
         points[i] = data.contact[i].pos
         forces[i] = data.contact[i].frame.reshape(3, 3).T @ force[:3]
+        fixed = [geom >= 0 and model.body_weldid[model.geom_bodyid[geom]] == 0
+                 for geom in data.contact[i].geom.tolist()]  # fmt: skip
+        if fixed == [False, True]:
+            forces[i] *= -1.0
     return points, forces
 
 

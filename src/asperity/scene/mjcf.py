@@ -109,6 +109,8 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
     """
     try:
         xml = text_of(path.read_bytes())
+        if not xml.strip():
+            raise AsperityError(f"{path}: the file is empty")
         if _XACRO.search(xml):
             raise AsperityError(
                 f"{path} has macros of xacro; valid: the URDF that `xacro {path.name}` makes of it"

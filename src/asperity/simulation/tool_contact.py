@@ -77,12 +77,17 @@ def tick_kernel(scene: Scene) -> str:
 def announce_compiling(tick: str = "tick") -> None:
     """Log once that the first force takes a while, unless its kernel is in the cache.
 
-    `tick` is the kernel's name; see `tick_kernel`.
+    `tick` is the kernel's name; see `tick_kernel`. It is logged once for all kernels.
     """
     if not is_compiled(_MODULES[tick], tick):
-        logging.getLogger(__name__).warning(
-            "compiling the contact kernels, once after an installation: takes a minute or two"
-        )
+        _say_compiling()
+
+
+@functools.cache
+def _say_compiling() -> None:
+    logging.getLogger(__name__).warning(
+        "compiling the contact kernels, once after an installation: takes a minute or two"
+    )
 
 
 class ToolContact:

@@ -31,6 +31,12 @@ _SETTLED, _WAITED = 4.0, 5.0
 """Time for the tool to come down and slide, and time limit for contact after that [s]."""
 _DRAWN, _FOLDED = 25.0, 20.0
 """Time for the page to be drawn completely, and for closed folders to fold [s]."""
+_DRAW = """() => new Promise((done) => {
+  let left = 3;
+  const next = () => (left-- ? requestAnimationFrame(next) : done());
+  next();
+})"""
+"""Waits for frames: on a busy computer, folders were not folded after the time for that."""
 _ARGUMENTS = (
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist",
     "--hide-scrollbars", "--disable-background-networking", "--disable-component-update",
@@ -143,6 +149,7 @@ def take_picture(
         tab.get_by_role("tab", name="Surfaces").click()
         tab.get_by_text("Loop", exact=True).click()
         tab.wait_for_timeout(1e3 * _FOLDED)
+        tab.evaluate(_DRAW)
         quality = {} if path.suffix.lower() == ".png" else {"quality": _QUALITY}
         tab.screenshot(path=str(path), timeout=1e3 * _SLOW, **quality)
     page.pause(False)

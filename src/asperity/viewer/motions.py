@@ -72,3 +72,10 @@ def motion_table(motion: CannedMotion, start: NDArray[np.float64]) -> Table:
     seconds = (loop + count) * step
     made = scripted(replace(plan, seconds=seconds), start, dt=step)
     return Table(np.asarray(made.poses, dtype=np.float64), loop, step)
+
+
+def stroke(motion: object) -> NDArray[np.float64]:
+    """Return the way of a scripted slide (3,) [m], zero for other motions."""
+    if not isinstance(motion, ScriptedMotion) or motion.kind != "slide":
+        return np.zeros(3)
+    return motion.length * np.array([math.cos(motion.direction), math.sin(motion.direction), 0.0])

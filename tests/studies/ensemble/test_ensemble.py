@@ -7,7 +7,6 @@ import json
 import numpy as np
 import pytest
 
-from asperity.cli.progress import compile_notice
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError
 from asperity.studies.ensemble.members import EnsembleSettings, ensemble_hands
@@ -123,14 +122,6 @@ def test_rules_can_fail():
     assert not constant_at_small(spacing, levels).holds  # 18 %
     assert constant_at_small(spacing, levels[:2]).holds
     assert not constant_at_small(spacing, 0.0 * levels).holds
-
-
-@pytest.mark.usefixtures("result")
-def test_after_a_run_no_notice_says_that_it_compiles_first():
-    notice = compile_notice(
-        "plates", ("dynamics.dragged_hand.periodic_motion", "drag_until_repeat")
-    )
-    assert notice == "plates"
 
 
 def test_bad_settings_are_refused():

@@ -1,6 +1,7 @@
 """The studies: the figures of the default settings, and claims that can come out false."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from asperity.runs.vibration_metrics import METRICS
 from asperity.studies.otaduy_lin_2004.claims import count_reproduced, evaluate_claims
 from asperity.studies.otaduy_lin_2004.stimuli import SURFACES, StimulusOptions
 from asperity.studies.otaduy_lin_2004.studies import STUDIES, StudySettings, run_study
-from asperity.studies.otaduy_lin_2004.write import write_studies
+from asperity.studies.otaduy_lin_2004.write import write_dataset, write_studies
 
 # Found by an independent prototype at the default settings (D = 3 mm, 0.58 N), to the digits
 # printed there.
@@ -189,3 +190,10 @@ def test_unknown_study_and_surface_list_the_choices():
     with pytest.raises(AsperityError, match="did you mean 'sinusoid'"):
         run_study("force", StudySettings(surface="sinusoide"))
     assert StimulusOptions().amplitude == 1e-4
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, a full disk")
+def test_a_full_disk_is_an_error_and_not_the_end_of_the_process():
+    data = xr.Dataset({"force": (("a", "b", "time"), np.zeros((2, 3, 500)))})
+    with pytest.raises(OSError, match="No space left"):
+        write_dataset(data, Path("/dev/full"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,7 +60,10 @@ def write_dataset(data: xr.Dataset, path: Path) -> None:
     packed = {
         name: {"zlib": True, "complevel": 1} for name in data.data_vars if data[name].ndim > 2
     }
-    data.to_netcdf(path, engine="h5netcdf", encoding=packed)
+    # By way of memory: HDF5 cannot close a file on a full disk, and ends the process.
+    buffer = io.BytesIO()
+    data.to_netcdf(buffer, engine="h5netcdf", encoding=packed)
+    path.write_bytes(buffer.getvalue())
 
 
 def write_claims(claims: list[Claim], path: Path, note: str = "") -> None:

@@ -19,6 +19,8 @@ by 0.02 units: a hand tool is seen whole from nearer than that, and its shadow b
 """
 _GRID, _SECTION = 0.01, 0.05
 """Distance between lines of the ground, and between strong lines [m]."""
+_LARGE = 0.5
+"""Size from which on lines are ten times as far apart [m]."""
 _SKY, _SKY_ALONE = 0.25, 2.8
 """Intensity of the light from above, beside reflections of a room and without."""
 _HORIZON = 14.0
@@ -55,8 +57,10 @@ def set_light(scene: Any, *, simple: bool = False) -> None:
     )  # fmt: skip
 
 
-def add_ground(server: ViserServer, height: float, size: float) -> Any:
-    """Add a ground with lines a centimetre apart, on which shadows fall; return its node.
+def add_ground(server: ViserServer, height: float, size: float, units: float = UNITS) -> Any:
+    """Add a ground with lines, on which shadows fall; return its node.
+
+    The lines are a centimetre apart, for what is larger than a hand tool a decimetre.
 
     Parameters
     ----------
@@ -65,23 +69,31 @@ def add_ground(server: ViserServer, height: float, size: float) -> Any:
         Of the ground [m].
     size : float
         Of what is seen [m]: the ground fades at some distance.
+    units : float
+        Of the view per metre.
     """
+    apart = units if size < _LARGE else 10.0 * units
     return server.scene.add_grid(
-        "/ground", infinite_grid=True, plane="xy", position=(0.0, 0.0, UNITS * height),
-        cell_size=UNITS * _GRID, section_size=UNITS * _SECTION, cell_thickness=0.7,
+        "/ground", infinite_grid=True, plane="xy", position=(0.0, 0.0, units * height),
+        cell_size=apart * _GRID, section_size=apart * _SECTION, cell_thickness=0.7,
         section_thickness=1.1, cell_color=(190, 196, 204), section_color=(160, 168, 178),
         plane_color=(226, 229, 233), plane_opacity=1.0, shadow_opacity=0.32,
-        fade_distance=UNITS * _HORIZON * size, fade_strength=1.5,
+        fade_distance=units * _HORIZON * size, fade_strength=1.5,
     )  # fmt: skip
 
 
 def add_shape(
-    server: ViserServer, shape: Drawable, parent: str, *, image: NDArray[np.uint8] | None = None
+    server: ViserServer,
+    shape: Drawable,
+    parent: str,
+    *,
+    image: NDArray[np.uint8] | None = None,
+    units: float = UNITS,
 ) -> Any:
     """Add a shape under a node, with the image of its atlas if given; return its node."""
     made_of = shape.material
     data = glb(
-        UNITS * shape.vertices, shape.normals, shape.colours, shape.faces,
+        units * shape.vertices, shape.normals, shape.colours, shape.faces,
         places=shape.places, image=image,
         roughness=made_of.roughness if made_of else 0.6,
         metallic=made_of.metallic if made_of else 0.0,
@@ -97,9 +109,9 @@ def add_soft_shape(server: ViserServer, shape: Drawable, parent: str) -> Any:
     )
 
 
-def place(node: Any, pose: Array) -> None:
+def place(node: Any, pose: Array, units: float = UNITS) -> None:
     """Move a node to a pose (7,)."""
-    node.position = tuple((UNITS * pose[:3]).tolist())
+    node.position = tuple((units * pose[:3]).tolist())
     node.wxyz = tuple(pose[3:].tolist())
 
 

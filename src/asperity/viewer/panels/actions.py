@@ -22,6 +22,8 @@ STEP, PRESS_STEP = 5e-4, 2.5e-4
 """Way of the hand with an arrow key, and up or down with a page key [m]; project defaults."""
 _SIZE = (900, 1600)
 """Rows and columns of a picture of the scene [px]."""
+_WIDE = "<style>.mantine-Modal-content{flex-basis:46rem}</style>"
+"""viser has no width of a window: in its usual one, the help is higher than a small screen."""
 HELP = """
 **Move** the tool: drag the arrows of the gizmo, press with the upward one, turn with the arcs; or
 start a canned motion under *Hand*.
@@ -220,5 +222,6 @@ class ActionsPanel(Panel):
         if client is None:
             return
         with client.gui.add_modal("Keys, signs and words") as modal:
+            client.gui.add_html(_WIDE)
             client.gui.add_markdown(HELP)
             client.gui.add_button("Close").on_click(lambda _: modal.close())

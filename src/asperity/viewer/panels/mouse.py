@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from asperity.dynamics.virtual_coupling.settings import coupled_body
 from asperity.geometry.poses import rotation_of
+from asperity.scene.mjcf import is_touchable
+from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.viewer.drawables.stage import UNITS
 from asperity.viewer.loop_health import LoopHealth
@@ -106,8 +108,7 @@ class MousePanel(Panel):
         servo, snapshot = self._servo, frame.snapshot
         if frame.generation != self._generation:
             self._generation = frame.generation
-            body = coupled_body(servo.config.scene.model, servo.config.scene.tool)
-            self._centre = np.array(body.centre)
+            self._centre = _near_tool(servo.config.scene)
             self._gizmo.visible = servo.config.is_mouse
             self._put(servo.target)
         trouble = self._health.trouble(frame, servo.parameters.rate)
@@ -205,3 +206,17 @@ class MousePanel(Panel):
         self.is_moving, self._stop.disabled = False, True
         self._servo.point(pose)
         self._put(self._servo.target)
+
+
+def _near_tool(scene: Scene) -> NDArray[np.float64]:
+    """Return the place for the gizmo [m]: the centre of mass, or near it on what is seen.
+
+    A ball on a handle that is not drawn has its centre of mass out of view.
+    """
+    model, tool = scene.model, scene.model.body(scene.tool).id
+    seen = [i for i in np.flatnonzero(model.geom_bodyid == tool) if is_touchable(model, int(i))]
+    centre = np.array(coupled_body(model, scene.tool).centre)
+    if not seen:
+        return centre
+    middle, radius = model.geom_pos[seen], model.geom_rbound[seen, None]
+    return np.clip(centre, (middle - radius).min(axis=0), (middle + radius).max(axis=0))

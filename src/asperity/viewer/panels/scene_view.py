@@ -31,6 +31,7 @@ from asperity.viewer.drawables.stage import (
     set_up_view,
     turn_to,
 )
+from asperity.viewer.motions import stroke
 from asperity.viewer.panels.bent import Bent
 from asperity.viewer.panels.detail import Detail
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
@@ -106,6 +107,7 @@ class SceneView(Panel):
             return
         place(self._tool, snapshot.tool_pose)
         place(self._ghost, snapshot.handle_pose)
+        self._marks.position = self._tool.position
         self._show_stretch(snapshot)
         self._show_contacts(snapshot)
         self._show_wrench(snapshot)
@@ -267,12 +269,14 @@ class SceneView(Panel):
 
     def _add_marks(self) -> None:
         """Add contacts, arrows and their labels, all empty."""
+        # They move with the tool: browsers draw a new place of it before new points of arrows.
         add, size = self._server.scene, self._seen
         none = np.zeros((0, 2, 3), np.float32)
         thick = {
             "shaft_radius": 0.008 * size, "head_radius": 0.02 * size, "head_length": 0.05 * size,
         }  # fmt: skip
         thin = {name: 0.5 * value for name, value in thick.items()}
+        self._marks = add.add_frame("/marks", show_axes=False)
         self._contacts = add.add_point_cloud(
             "/marks/contacts", np.zeros((0, 3), np.float32), CONTACT,
             point_size=_POINT * size, point_shape="circle", precision="float32",
@@ -295,11 +299,12 @@ class SceneView(Panel):
                 )
             )  # fmt: skip
         self._labels = {
-            name: add.add_label(f"/marks/{name}-label", "", anchor="bottom-left", visible=False)
-            for name in ("force", "torque")
+            # To two sides, so that those of short arrows do not cover each other.
+            name: add.add_label(f"/marks/{name}-label", "", anchor=anchor, visible=False)
+            for name, anchor in (("force", "bottom-left"), ("torque", "top-right"))
         }
         self._nodes += [
-            self._contacts, self._pushes, self._force, self._torque, self._stretch,
+            self._marks, self._contacts, self._pushes, self._force, self._torque, self._stretch,
             *self._labels.values(),
         ]  # fmt: skip
 
@@ -314,6 +319,9 @@ class SceneView(Panel):
         middle[2] = UNITS * low[2] + 0.4 * share * UNITS * (high[2] - low[2])
         size = share * self._size
         middle[2] += 0.5 * _FORCE_LENGTH * size
+        way = UNITS * stroke(scene.motion)  # in which a small tool would leave the view
+        if (length := float(np.linalg.norm(way))) > 0.5 * size:
+            middle, size = middle + 0.5 * way, max(size, length)
         towards = _VIEW / np.linalg.norm(_VIEW)
         # The panels cover the right of the page.
         right = np.cross([0.0, 0.0, 1.0], towards)
@@ -331,28 +339,22 @@ class SceneView(Panel):
 
     def _show_stretch(self, snapshot: Snapshot) -> None:
         """Connect the centres of mass of the tool and of the handle."""
-        ends = np.array(
-            [
-                UNITS * (pose[:3] + rotation_of(pose[3:]) @ self._centre)
-                for pose in (snapshot.tool_pose, snapshot.handle_pose)
-            ]
-        )
+        poses = (snapshot.tool_pose, snapshot.handle_pose)
+        ends = np.array([pose[:3] + rotation_of(pose[3:]) @ self._centre for pose in poses])
+        ends = UNITS * (ends - snapshot.tool_pose[:3])
         apart = float(np.linalg.norm(ends[1] - ends[0]))
-        self._ghost.visible = apart > 1e-6 or bool(
-            np.abs(snapshot.tool_pose[3:] - snapshot.handle_pose[3:]).max() > 1e-6
-        )
+        self._ghost.visible = bool(max(apart, np.abs(poses[0][3:] - poses[1][3:]).max()) > 1e-6)
         self._stretch.points = ends[None].astype(np.float32)
 
     def _show_contacts(self, snapshot: Snapshot) -> None:
-        points = (UNITS * snapshot.point).astype(np.float32)
+        points = (UNITS * (snapshot.point - snapshot.tool_pose[:3])).astype(np.float32)
         self._shadow.visible = len(points) > 0 and not self.detail.zoomed
         if len(points):
             normal = snapshot.normal[0]
             self._shadow.position = tuple((points[0] + _ABOVE * normal).tolist())
             self._shadow.wxyz = turn_to(normal)
         self._contacts.points = points
-        near = self.detail.zoomed
-        if self._thin != near:
+        if self._thin != (near := self.detail.zoomed):
             self._thin = near
             size = (_POINT_NEAR if near else 1.0) * self._seen
             self._contacts.point_size = _POINT * size
@@ -370,9 +372,9 @@ class SceneView(Panel):
         # At the top of the tool near that line, so that the arrows stay in view and are not inside.
         outline = self._outline @ rotation.T + pose[:3]
         beside = np.linalg.norm(outline[:, :2] - at[:2], axis=1)
-        near = beside < max(_BESIDE * self._seen / UNITS, float(beside.min()) * 1.01)
+        near = beside < float(beside.min()) + _BESIDE * self._seen / UNITS
         at[2] = float(outline[near, 2].max())
-        at = UNITS * at[None]
+        at = UNITS * (at - pose[:3])[None]
         for name, vector, full, arrows, unit in (
             ("force", wrench[:3], _FULL_FORCE, self._force, "N"),
             ("torque", wrench[3:], _FULL_TORQUE, self._torque, "mN m"),

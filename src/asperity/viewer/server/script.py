@@ -14,6 +14,10 @@ if (!window.asperityKeys) {
   document.addEventListener('keydown', (event) => {
     const target = event.target;
     if (event.key === '?' && !/^(INPUT|TEXTAREA)$/.test(target.tagName)) forward('h', 'KeyH');
+    if (event.key === 'Escape') {
+      const buttons = document.querySelectorAll('.mantine-Modal-content button');
+      if (buttons.length) buttons[buttons.length - 1].click();
+    }
     if (event.key === ' ' && target.getAttribute('role') === 'tab') {
       event.preventDefault();
       event.stopPropagation();
@@ -23,8 +27,8 @@ if (!window.asperityKeys) {
   }, true);
 }
 """
-"""viser has no key `?`, which is that of the help, `h`; and a tab that was clicked keeps the space
-bar to itself."""
+"""viser has no key `?`, which is that of the help, `h`, and none that closes a window; a tab that
+was clicked keeps the space bar to itself."""
 
 JUDGE = """
 if (!window.asperityJudge) {
