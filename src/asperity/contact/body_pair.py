@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +35,7 @@ class Depth(NamedTuple):
     ----------
     depth : float
         delta [m], above 0 where the textured bodies overlap; -inf where no part of A is over B
-        along n.
+        along n, or, if it is not certified, where the search ended before it had found any.
     gradient : (6,) array
         Derivative of the depth by A's translation [-] and by its rotation about the origin of its
         frame [m], world axes, with n fixed in B's frame.
@@ -167,7 +166,7 @@ class BodyPair:
             gradient=np.concatenate([-m, -out["moment"]]),
             point=out["point"] + a[:3],
             slope_normal=m,
-            gap=math.inf if ended else float(out["gap"]),
+            gap=float(out["gap"]),
             certified=bool(out["status"] == CERTIFIED and not ended),
             nodes=int(out["nodes"]),
             ties=int(out["ties"]),

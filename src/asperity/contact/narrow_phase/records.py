@@ -117,7 +117,7 @@ PATCH = np.dtype(
         ("base_top", "f8"),  # largest z of the base within its borders [m]
         ("normal_min", "f8"),  # facets: least length of w
         ("normal_rise", "f8"),  # facets: largest z of the unit normal
-        ("fold", "f8"),  # facets: how much the texture shears it sideways, over `lateral_min`
+        ("fold", "f8"),  # how much the texture shears it sideways, over `lateral_min`
     ],
     align=True,
 )

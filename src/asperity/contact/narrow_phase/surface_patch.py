@@ -141,10 +141,8 @@ def _fill_derived(patch, frame, body, mapping, origin):
         is_plane and abs(normal[0]) < 1e-12 and abs(normal[1]) < 1e-12 and patch.is_unit
     )
     patch.mapping = mapping
-    patch.texture_top, patch.normal_lateral = np.inf, 1.0
-    patch.normal_min, patch.normal_rise = 1.0, 1.0
-    if is_plane:
-        patch.normal_lateral = math.hypot(normal[0], normal[1])
+    patch.texture_top, patch.normal_min, patch.normal_rise = np.inf, 1.0, 1.0
+    patch.normal_lateral = math.hypot(normal[0], normal[1]) if is_plane else 1.0
     if patch.texture >= 0 or patch.friction_map >= 0 or patch.stiffness_map >= 0:
         _fill_texture_map(patch, frame, body, origin)
 
@@ -295,6 +293,15 @@ def _fill_cylinder_side(patch, centre, radius, half, is_edge, axes):
     return True
 
 
+@small_kernel
+def _fill_fold(patch, rms_slope):
+    """Fill how much the texture shears a patch where it leans least: there it is met."""
+    lean = patch.normal_lateral
+    if patch.bulge > 0.0:  # a cylinder's side, or part of an ellipsoid
+        lean = abs(patch.slope[0]) if patch.ellipse[0] == 0.0 else 0.0
+    patch.fold = rms_slope * lean / patch.lateral_min
+
+
 @inner_kernel
 def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
     """Fill the patches of one geom into `patches_out[first:]`; return how many there are then.
@@ -388,4 +395,5 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
         else:
             fill_properties(geometry, surface, patches_out[i])
         _fill_derived(patches_out[i], frame, body, mapping, origin)
+        _fill_fold(patches_out[i], geometry.rms_slope[surface])
     return at

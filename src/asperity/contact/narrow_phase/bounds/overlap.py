@@ -30,6 +30,8 @@ from asperity.contact.narrow_phase.bounds.curvature import (
     quadratic_bound,
 )
 from asperity.contact.narrow_phase.bounds.limits import beyond_borders, is_apart
+from asperity.contact.narrow_phase.bounds.plane_overlap import plane_bound
+from asperity.contact.narrow_phase.bounds.sheets import nearby
 from asperity.contact.narrow_phase.bounds.texture import (
     planar_slopes,
     roots_over,
@@ -43,6 +45,7 @@ from asperity.contact.narrow_phase.displaced_surface import (
     place_at,
     root_at,
 )
+from asperity.contact.narrow_phase.outermost import highest_over, may_fold
 from asperity.contact.narrow_phase.overlap import overlap_at, overlap_on_level
 from asperity.contact.narrow_phase.patch_pair import pair_roughness, pair_shift, window_of
 from asperity.contact.narrow_phase.plane_boxes import on_texture, texture_size
@@ -164,10 +167,10 @@ def sphere_bound(textures, pair, box, threshold, at):
 
 
 @small_kernel
-def _raised(textures, patch, other, over, over_other, base):
+def _raised(textures, patch, other, over, over_other, highest, base):
     """Return the base bound and what the textures add to it: a bound of order zero.
 
-    `base` is that of `base_bound`.
+    `base` is that of `base_bound`, `highest` the largest height of the other's texture that counts.
     """
     bound, top, g1, g2 = base
     steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
@@ -180,9 +183,9 @@ def _raised(textures, patch, other, over, over_other, base):
     if other.texture >= 0:
         # The other surface stays below its tangent plane, moved along its normal.
         least = max(1.0 - over_other.normal_change, 0.0)
-        bound += over_other.top * (steepness if over_other.top > 0.0 else least)
+        bound += highest * (steepness if highest > 0.0 else least)
     # No point is higher than its base point and the highest texture together.
-    return min(bound, top + max(over.top, 0.0) + max(over_other.top, 0.0))
+    return min(bound, top + max(over.top, 0.0) + max(highest, 0.0))
 
 
 @inner_kernel
@@ -215,13 +218,24 @@ def _textured_bound(textures, pair, box, base, threshold, search):
         over_other = texture_over(
             textures, other, bx - reach_x, bx + reach_x, by - reach_y, by + reach_y
         )
-    bound = _raised(textures, patch, other, over, over_other, base)
-    bend = 0.0
+    folds, highest = may_fold(textures, other), np.inf
+    if folds:
+        _, b1, b2, _, c1, c2 = parameters_over(patch, other)
+        moved = shift / other.lateral_min
+        own_x = abs(b1) * half_x + abs(b2) * half_y + moved
+        own_y = abs(c1) * half_x + abs(c2) * half_y + moved
+        highest = highest_over(textures, other, (bx, by, own_x, own_y))
+        if highest == -np.inf:
+            return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
+    bound = _raised(textures, patch, other, over, over_other, min(over_other.top, highest), base)
+    bend = known = 0.0
     if search.load > 0.0:
         least, bend, _ = lowering_over(textures, patch, other, box, search)
         bound -= least
     if bound <= threshold:
         return box_bound(bound, UNEVALUATED, bound, 0.0)
+    if patch.bulge == 0.0 and other.bulge == 0.0:
+        return plane_bound(textures, pair, box, bound, search)
     overlap_at(textures, patch, other, x, y, search, at)
     # How far the other's texture moves points sideways is known only where there is a point.
     astray = 0.0 if is_explicit else (size_other if at.f == -np.inf else 3.0 * size_other)
@@ -236,7 +250,12 @@ def _textured_bound(textures, pair, box, base, threshold, search):
     if not is_explicit:
         # The point under the centre is known now: a narrower part of the other suffices.
         closest = other.lateral_min - drift_of(textures, other, over_other)
-        if closest > 0.0:
+        if closest <= 0.0 and folds:
+            near, known, far = nearby(textures, other, radius * fastest, highest, search)
+            over_other = near if known > 0.0 else over_other
+            if known > 0.0 and is_apart(other, at.other_x, at.other_y, far):
+                return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
+        elif closest > 0.0:
             bx, by = at.other_x, at.other_y
             reach = min(reach_x, radius * fastest / closest)
             over_other = texture_over(
@@ -248,7 +267,7 @@ def _textured_bound(textures, pair, box, base, threshold, search):
         left = bound if radius > FINEST_OVERHANG else at.f
         return box_bound(left, EVALUATED, bound, 0.0)
     return curvature_bound(
-        textures, patch, other, over, over_other, (half_x, half_y, bend, 0.0), bound, at
+        textures, patch, other, over, over_other, (half_x, half_y, bend, known), bound, at
     )
 
 

@@ -18,32 +18,14 @@ from asperity.contact.narrow_phase.bounds.curvature import (
     box_bound,
     curvature_bound,
     drift_of,
-    surface_bend,
 )
 from asperity.contact.narrow_phase.bounds.limits import is_apart
-from asperity.contact.narrow_phase.bounds.texture import bounds_of, plane_slopes, smooth_bounds
+from asperity.contact.narrow_phase.bounds.sheets import largest_slope, nearby, over_box
+from asperity.contact.narrow_phase.bounds.texture import smooth_bounds
 from asperity.contact.narrow_phase.displaced_surface import parameters_at, parameters_over
 from asperity.contact.narrow_phase.outermost import highest_over, may_fold
 from asperity.contact.narrow_phase.overlap import overlap_at
 from asperity.contact.narrow_phase.plane_boxes import lateral_shift, plane_normal, texture_size
-from asperity.contact.narrow_phase.surface_patch import PLANAR
-
-
-@small_kernel
-def _over_box(textures, patch, x, y, half_x, half_y):
-    """Return the `TextureBounds` of a textured plane over a box, but for its highest point."""
-    radius = math.sqrt(half_x * half_x + half_y * half_y)
-    normal = plane_normal(patch, x, y, radius)
-    slopes = plane_slopes(textures, patch, (x, y, half_x, half_y), normal[4], normal[5])
-    return bounds_of(np.inf, slopes, normal, 1.0, 1.0)
-
-
-@small_kernel
-def _largest_slope(textures, patch, box, normal_slope, normal_bend):
-    """Return a bound of the slope over a box: that of the whole texture where it is planar."""
-    if patch.mapping == PLANAR:
-        return textures.maps[patch.texture].max_slope * patch.map_max
-    return plane_slopes(textures, patch, box, normal_slope, normal_bend)[0]
 
 
 @small_kernel
@@ -59,63 +41,12 @@ def _narrowed(textures, other, box, travel, at):
     far = math.sqrt(reach_x * reach_x + reach_y * reach_y)
     u, v, _, change, normal_slope, normal_bend = plane_normal(other, x, y, far)
     lateral = min(math.sqrt(u * u + v * v) + change, 1.0)
-    slope = _largest_slope(textures, other, (x, y, reach_x, reach_y), normal_slope, normal_bend)
+    slope = largest_slope(textures, other, (x, y, reach_x, reach_y), normal_slope, normal_bend)
     closest = other.lateral_min - (slope * lateral + size * normal_slope)
     narrow = travel / closest if closest > 0.0 else np.inf
     if narrow < far:
         return at.other_x, at.other_y, narrow, narrow
     return x, y, reach_x, reach_y
-
-
-@small_kernel
-def _least_stretch(point):
-    """Return how far a surface's place in (u, v) moves at least, by a unit of its parameters."""
-    a, b, c, d = point.p_x[0], point.p_y[0], point.p_x[1], point.p_y[1]
-    # The smaller singular value of the Jacobian.
-    return abs(a * d - b * c) / math.sqrt(a * a + b * b + c * c + d * d)
-
-
-@small_kernel
-def _height_of(patch, x, y, point):
-    """Return how high a point of a displaced plane lies over its base at (x, y), along w [m]."""
-    by_x, by_y, square, along = patch.normal_from_x, patch.normal_from_y, 0.0, 0.0
-    for k in range(3):
-        by_1, by_2 = patch.slope[0], patch.slope[1]
-        if k < 2:
-            by_1, by_2 = patch.lateral[k, 0], patch.lateral[k, 1]
-        w = patch.normal[k] + by_x[k] * x + by_y[k] * y
-        square += w * w
-        along += w * (point.p[k] - patch.origin[k] - by_1 * x - by_2 * y)
-    return along / math.sqrt(square)
-
-
-@inner_kernel
-def _nearby(textures, other, travel, highest, search):
-    """Return bounds of the other's texture round the place under the centre, and its stretch.
-
-    They hold for all places under the box if no other sheet of the surface lies above: they are
-    `travel` at most from the centre's in (u, v), and none is higher than `highest` over its base.
-    The Jacobian changes little on the way there, so that places do not coincide (as in
-    Kantorovich's theorem), where the slope alone, which may lean to any side, does not rule out
-    a fold. The stretch, how far places move at least where parameters move by 1, is 0 if it does
-    change. The third result is the distance of the places by the other's parameters, at most.
-    """
-    at, point = search.at, search.other_surface
-    stretch, found = _least_stretch(point), textures.maps[other.texture]
-    over = smooth_bounds(0.0, 1.0, 1.0)
-    if not stretch > 0.0:
-        return over, 0.0, np.inf
-    own = 2.0 * travel / stretch
-    # Places of points between the centre's sheet and the highest one.
-    slope = _largest_slope(
-        textures, other, (at.other_x, at.other_y, own, own), other.normal_slope, other.normal_bend
-    )
-    higher = max(highest - _height_of(other, at.other_x, at.other_y, point), 0.0) + slope * own
-    far = own + higher * other.normal_lateral / other.lateral_min
-    far += found.max_abs_surface * other.normal_slope * own
-    over = _over_box(textures, other, at.other_x, at.other_y, far, far)
-    change = surface_bend(textures, other, over, over.lateral) * far
-    return over, (stretch - change if change <= 0.5 * stretch else 0.0), far
 
 
 @inner_kernel
@@ -129,7 +60,7 @@ def plane_bound(textures, pair, box, bound, search):
     is_explicit = other.is_level or other.texture < 0
     over = over_other = smooth_bounds(0.0, 1.0, 1.0)
     if patch.texture >= 0:
-        over = _over_box(textures, patch, x, y, half_x, half_y)
+        over = over_box(textures, patch, x, y, half_x, half_y)
     drift = drift_of(textures, patch, over)
     fastest = patch.lateral_max + drift
     overlap_at(textures, patch, other, x, y, search, at)
@@ -158,9 +89,9 @@ def plane_bound(textures, pair, box, bound, search):
                 return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
         if not is_explicit:
             under = _narrowed(textures, other, under, radius * fastest, at)
-        over_other = _over_box(textures, other, *under)
+        over_other = over_box(textures, other, *under)
         if folds and drift_of(textures, other, over_other) >= other.lateral_min:
-            near, closest, far = _nearby(textures, other, radius * fastest, highest, search)
+            near, closest, far = nearby(textures, other, radius * fastest, highest, search)
             if closest > 0.0:
                 over_other = near
                 if is_apart(other, at.other_x, at.other_y, far):
