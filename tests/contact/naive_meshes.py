@@ -9,6 +9,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from asperity.contact.response.settings import ForceSettings
@@ -75,15 +76,32 @@ def ball_mesh(radius: float, cuts: int) -> Mesh:
     ]  # fmt: skip
     x = points[np.array(faces)]
     for _ in range(cuts):
-        a, b, c = np.moveaxis(x, 1, 0)
-        ab, bc, ca = a + b, b + c, c + a
-        x = np.concatenate(
-            [np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-        )
+        x = quartered(x)
         x *= np.linalg.norm(points[0]) / np.linalg.norm(x, axis=-1, keepdims=True)
     unit = x.reshape(-1, 3) / np.linalg.norm(points[0])
     unit, which = np.unique(unit.round(12), axis=0, return_inverse=True)
     return mesh_from_arrays(radius * unit, which.reshape(-1, 3), normals=unit)
+
+
+def hull_mesh(points: Array) -> Mesh:
+    """Return the convex hull of points as a mesh."""
+    hull = ConvexHull(points)
+    used = points[hull.vertices]
+    number = {old: new for new, old in enumerate(hull.vertices)}
+    faces = np.array([[number[i] for i in face] for face in hull.simplices])
+    for face, plane in zip(faces, hull.equations, strict=True):
+        a, b, c = used[face]
+        if np.cross(b - a, c - a) @ plane[:3] < 0.0:
+            face[[1, 2]] = face[[2, 1]]
+    return mesh_from_arrays(used, faces, hard_angle=_HARD)
+
+
+def quartered(corners: Array) -> Array:
+    """Return the corners (4 n, 3, 3) of the four parts of triangles (n, 3, 3)."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
+    parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+    return np.concatenate([np.stack(part, 1) for part in parts])
 
 
 def roller(radius: float, half: float, sides: int) -> Mesh:

@@ -8,7 +8,6 @@ from naive_engine import pose, waves
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.scene.builtin import load_scene
 from asperity.simulation.tool_contact import ToolContact
 from contact.naive_meshes import (
@@ -19,6 +18,7 @@ from contact.naive_meshes import (
     brick,
     engine_of,
     holed_plate,
+    hull_mesh,
     slab,
     thing,
     touch,
@@ -121,19 +121,6 @@ def test_the_last_of_a_direction_goes_without_a_leap():
         gradient_error(engine, turned(at, s * way))[0] for s in (-9e-6, -8e-6, -4e-6, 0, 9e-6)
     ]
     assert max(errors) < 1e-6
-
-
-def hull_mesh(points):
-    """Return the convex hull of points as a mesh."""
-    hull = ConvexHull(points)
-    used = points[hull.vertices]
-    number = {old: new for new, old in enumerate(hull.vertices)}
-    faces = np.array([[number[i] for i in face] for face in hull.simplices])
-    for face, plane in zip(faces, hull.equations, strict=True):
-        a, b, c = used[face]
-        if np.cross(b - a, c - a) @ plane[:3] < 0.0:
-            face[[1, 2]] = face[[2, 1]]
-    return mesh_from_arrays(used, faces, hard_angle=20.0)
 
 
 def ways_out(one, two, q):

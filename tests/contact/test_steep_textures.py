@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from naive_meshes import engine_of, thing
-from scipy.spatial import ConvexHull
+from naive_meshes import engine_of, hull_mesh, quartered, thing
 from scipy.spatial.transform import Rotation
 
 from asperity.contact.body_pair import BodyPair
@@ -19,16 +18,10 @@ AT_REST = np.array([0.0, 0, 0, 1, 0, 0, 0])
 
 def hull(points, size, cuts=0, hard_angle=40.0):
     """Return the convex hull of points as a mesh of a half width, its triangles cut in four."""
-    found = ConvexHull(points)
-    x = points[found.simplices]
-    outside = np.einsum("ij,ij->i", np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]),
-                        found.equations[:, :3])  # fmt: skip
-    x[outside < 0] = x[outside < 0][:, ::-1]
+    mesh = hull_mesh(1e-3 * points)  # of a size that a mesh may have
+    x = mesh.vertices[mesh.faces]
     for _ in range(cuts):
-        a, b, c = np.moveaxis(x, 1, 0)
-        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-        parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-        x = np.concatenate([np.stack(part, 1) for part in parts])
+        x = quartered(x)
     x = x.reshape(-1, 3) - x.reshape(-1, 3).mean(axis=0)
     x *= size / np.abs(x).max()
     corners, which = np.unique(x.round(12), axis=0, return_inverse=True)
