@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Mask
 from asperity._core.files import reading
-from asperity._core.text_table import decoded
+from asperity._core.text_form import decoded
 from asperity._core.units import SHORT
 from asperity._core.unpacking import content_of, suffix_of
 from asperity.errors import SurfaceError, require_choice
