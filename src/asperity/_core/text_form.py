@@ -91,7 +91,7 @@ def without_footer(body: str) -> str:
 
 def is_footer(line: str) -> bool:
     """Return whether a line behind rows has no number, and no word for a missing one."""
-    words = WORD.findall(line.replace('"', " "))
+    words = (found.group() for found in WORD.finditer(line.replace('"', " ")))
     return not any(_NUMBER.fullmatch(word) or word.lower() in MISSING for word in words)
 
 
@@ -138,9 +138,9 @@ def is_row(line: str, texts: bool) -> bool:
     if not words or line.lstrip().startswith(("%", "//")):
         return False
     numbers = sum(_NUMBER.fullmatch(word.replace("−", "-")) is not None for word in words)
-    missing = sum(word.lower() in MISSING for word in words)
-    if texts and len(words) >= 8:
+    if numbers == len(words) or (texts and len(words) >= 8):
         return 2 * numbers > len(words)
+    missing = sum(word.lower() in MISSING for word in words)
     return numbers + missing == len(words) and (numbers > 0 or len(words) > 3)
 
 
@@ -156,7 +156,7 @@ def _cells(line: str) -> int:
 
 def is_count(line: str, rest: str) -> bool:
     """Return whether whole numbers are sizes above a table: its rows have more or fewer cells."""
-    if not all(word.isdigit() for word in WORD.findall(line)):
+    if not all(found.group().isdigit() for found in WORD.finditer(line)):
         return False
     below = [row for row in rest.split("\n") if row.strip()][:-1][:LOOKED_AT]
     counts = {_cells(row) for row in below if is_row(row, False)}

@@ -26,8 +26,11 @@ def pose_doubts(times: Array, poses: Array, named: bool) -> list[str]:
         Whether names state the order of the quaternion.
     """
     notes = []
-    turns = np.abs(np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:]))
-    if not (turns > _HARDLY_TURNED).all():
+    columns = np.ascontiguousarray(poses.T)  # by which all of this takes a third of the time
+    places, quaternions = columns[:3], columns[3:]
+    products = (quaternions[:, 1:] * quaternions[:, :-1]).sum(axis=0)
+    if not (np.abs(products, out=products) > _HARDLY_TURNED).all():
+        turns = np.abs(np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:]))
         angles = np.degrees(2.0 * np.arccos(np.clip(turns, 0.0, 1.0)))
         if np.nanmax(angles, initial=0.0) > TURN:
             row = int(np.nanargmax(angles))
@@ -43,9 +46,10 @@ def pose_doubts(times: Array, poses: Array, named: bool) -> list[str]:
                 f"{tilts[0]:.0f} degrees, with order='xyzw' by {tilts[1]:.0f}"
             )
     with np.errstate(all="ignore"):
-        far = float(np.abs(poses[:, :3]).max())
+        far = float(np.maximum(places.max(), -places.min()))
         steps = np.diff(times)
-        speeds = row_lengths(np.diff(poses[:, :3], axis=0)) / steps
+        speeds = row_lengths(np.diff(places).T)
+        speeds /= steps
         fastest = float(np.nanmax(speeds, initial=0.0))
         # A median takes longer than all else, and is no more than that.
         known = speeds.size > 0 and (far > _FARTHEST or fastest > _FASTEST)
@@ -61,9 +65,7 @@ def pose_doubts(times: Array, poses: Array, named: bool) -> list[str]:
             f"was tracking lost? The tool leaps by {leap:.4g} mm from pose {row + 1} to {row + 2}, "
             f"at {speeds[row]:.3g} m/s"
         )
-    lost = poses[:, 0] == 0.0
-    if lost.any():
-        lost &= (poses[:, 1:3] == 0.0).all(axis=1) & (np.abs(poses[:, 3]) == 1.0)
+    lost = (places == 0.0).all(axis=0) & (np.abs(quaternions[0]) == 1.0)
     lost[: int(np.argmin(lost))] = False  # a motion may begin there
     if 0 < np.count_nonzero(lost) < 0.5 * len(poses):
         notes.append(

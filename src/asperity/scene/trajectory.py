@@ -151,7 +151,8 @@ class Trajectory:
             row = int(np.argmin(right))
             require_pose(poses[row], f"{self.name}, {self._row(row)}")
         poses = np.array(poses, order="C")
-        poses[:, 3:] /= norms[:, None]
+        for column in poses.T[3:]:
+            column /= norms
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
 
