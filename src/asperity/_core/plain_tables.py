@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,15 +19,6 @@ HEAD = 2**18
 _PIECE = 2**16
 _TAIL = 4096
 _NEWLINE, _RETURN = 10, 13
-
-
-class Lines(NamedTuple):
-    """Lines of a file from some byte on."""
-
-    number: int
-    """Without blank ones at the end."""
-    last: str
-    """Of the last one, 4096 characters at most."""
 
 
 def head_of(path: Path) -> bytes | None:
@@ -44,11 +34,11 @@ def ends_plainly(lines: bytes) -> bool:
     return b"\r" not in lines or b"\r" not in lines.replace(b"\r\n", b"")
 
 
-def plain_lines(path: Path, start: int) -> Lines | None:
-    """Return the lines of a file from byte `start` on, the start of one.
+def plain_lines(path: Path, start: int) -> tuple[int, str] | None:
+    """Return how many lines a file has from byte `start` on, the start of one, and the last.
 
-    None if a character in them is not ASCII, if a carriage return stands alone, or if there are
-    4096 blanks at their end.
+    Blank ones at the end are left out, and of the last one, all but 4096 characters. None if a
+    character is not ASCII, a carriage return stands alone, or 4096 blanks stand at the end.
     """
     count = 0
     with path.open("rb", buffering=0) as file:
@@ -71,7 +61,7 @@ def plain_lines(path: Path, start: int) -> Lines | None:
     if not rows:
         return None
     last = rows[rows.rfind(b"\n") + 1 :]
-    return Lines(count + 1 - tail.count(b"\n", len(rows)), last.decode("ascii"))
+    return count + 1 - tail.count(b"\n", len(rows)), last.decode("ascii")
 
 
 def plain_numbers(

@@ -239,10 +239,10 @@ def _plain_table(path: Path, texts: bool) -> TextTable | None:
     if len(table.body) < OPENING or table.decimal != "." or not ends_plainly(head[:start]):
         return None
     lines = plain_lines(path, start)
-    if lines is None or is_footer(lines.last):
+    if lines is None or is_footer(lines[1]):
         return None
     numbers = plain_numbers(path, above, table.separator, table.columns, "latin-1")
-    if numbers is None or len(numbers) != lines.number:  # else there are blank lines
+    if numbers is None or len(numbers) != lines[0]:  # else there are blank lines
         return None
     return replace(table, numbers=numbers)
 

@@ -142,15 +142,16 @@ class Trajectory:
                 f"{self.name}, {self._row(row)}: times must increase, {times[row]:g} s comes "
                 f"after {times[row - 1]:g} s"
             )
-        norms = row_lengths(poses[:, 3:])
-        with np.errstate(invalid="ignore"):
+        poses = np.array(poses, order="C")
+        with np.errstate(over="ignore", invalid="ignore"):
+            norms = row_lengths(poses[:, 3:])
             right = np.abs(norms - 1.0) <= NORM_TOLERANCE
-        if not np.isfinite(poses).all():  # which row by row takes longer
+            total = poses.sum()
+        if not np.isfinite(total):
             right &= np.isfinite(poses).all(axis=1)
         if not right.all():
             row = int(np.argmin(right))
             require_pose(poses[row], f"{self.name}, {self._row(row)}")
-        poses = np.array(poses, order="C")
         for column in poses.T[3:]:
             column /= norms
         object.__setattr__(self, "times", times)

@@ -45,7 +45,7 @@ _SEQUENCE = re.compile(r"\b(?:rotation )?type\W+([XYZ]{3})\b", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class _Origins(Sequence[str]):
-    """Where rows of a file stand, in words that are made only when they are asked for."""
+    """Where rows of a file stand, in words that are made when they are needed."""
 
     row: str
     numbers: Sequence[int]
@@ -184,6 +184,8 @@ def _normalise(poses: Array, notes: list[str]) -> None:
     norms = row_lengths(poses[:, 3:])
     with np.errstate(invalid="ignore"):
         off = np.abs(norms - 1.0)
+        if off.max(initial=0.0) <= _EXACT:
+            return
         rounded = (off > _EXACT) & (off < ROUNDED)
     if rounded.any():
         poses[rounded, 3:] /= norms[rounded, None]
