@@ -38,7 +38,8 @@ def plain_lines(path: Path, start: int) -> tuple[int, str] | None:
     """Return how many lines a file has from byte `start` on, the start of one, and the last.
 
     Blank ones at the end are left out, and of the last one, all but 4096 characters. None if a
-    character is not ASCII, a carriage return stands alone, or 4096 blanks stand at the end.
+    character is not ASCII, a carriage return stands alone, 4096 blanks stand at the end, or there
+    are comments, at which NumPy's parser would stop late.
     """
     count = 0
     with path.open("rb", buffering=0) as file:
@@ -46,7 +47,7 @@ def plain_lines(path: Path, start: int) -> tuple[int, str] | None:
         while piece := file.read(_PIECE):
             if piece.endswith(b"\r"):
                 piece += file.read(1)
-            if not piece.isascii():
+            if b"#" in piece or not piece.isascii():
                 return None
             codes = np.frombuffer(piece, dtype=np.uint8)
             ends = codes == _NEWLINE
