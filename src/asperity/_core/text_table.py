@@ -1,86 +1,53 @@
 """Tables of numbers in text as other programs write them.
 
 Encodings (UTF-8, UTF-16, Windows and Latin-1), separators, decimal commas, lines above the numbers,
-and words for missing values differ from program to program; numbers are parsed by NumPy.
+and words for missing values differ from program to program; numbers are parsed by NumPy, those of
+a large file of nothing else straight from it.
 """
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.files import encodings_of
 from asperity._core.large_tables import numbers_of
+from asperity._core.plain_tables import ends_plainly, head_of, plain_lines, plain_numbers
+from asperity._core.text_form import (
+    MISSING,
+    OPENING,
+    TWO_WORDS,
+    WORD,
+    bare,
+    decoded,
+    first_rows,
+    format_of,
+    is_count,
+    is_footer,
+    is_label,
+    is_number,
+    is_row,
+    without_footer,
+    without_groups,
+    wrong_word,
+)
 from asperity._core.unpacking import content_of
 from asperity.errors import AsperityError
 
-_MISSING_WORDS = """
-    nan na n/a #n/a #na null none nil - -- --- ----- * ** *** bad void masked missing invalid
-    nodata no_data nm undefined undef hole #name? #value! #div/0! #num! 1.#qnan -1.#qnan 1.#ind
-    -1.#ind 1.#inf -1.#inf 1.#snan inf -inf +inf infinity -infinity ? #### over under overflow
-    -nan nan(ind) -nan(ind) fehlt ungültig
-"""
-MISSING = frozenset(_MISSING_WORDS.split())
-"""Words for a missing value, in lower case; so is an empty cell."""
-
 _MARKS = "#%;!\"'/*"
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?")
-_WORD = re.compile(r"[^\s,;]+")
 _NAMES = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
-_COMMENT = re.compile(r"(?i)(?<!\.)#(?!n/?a|name|value|div|num|#)")
-_TWO_WORDS = re.compile(r"(?i)\b(no|not)[ _](data|value|measured)\b")
-"""Words for a missing value that are two."""
 _BLANK = re.compile(r"\n[ \t\r]*\n")
-_QUOTED_COMMA = re.compile(r'"[+-]?[\d.]*\d,\d[\d.,]*"')
-"""A number with a comma in quotation marks, as spreadsheets write it where commas separate."""
 
 
-def _grouped(mark: str, decimal: str) -> re.Pattern[str]:
-    """Return the pattern of a cell whose marks group thousands."""
-    number = rf" *[+-]?\d{{1,3}}(?:[{mark}]\d{{3}})+[{decimal}]\d+ *"
-    return re.compile(rf"^{number}(?=[;\t])|(?<=[;\t]){number}(?=[;\t\r\n]|$)", re.MULTILINE)
-
-
-_GROUPED = {",": _grouped(",", "."), ".": _grouped(".", ",")}
-"""Cells that show which mark groups thousands: `1,234.5`, `1.234,5`."""
 _EITHER = {
     ",": re.compile(r"[+-]?[1-9]\d{0,2},\d{3}"),
     ".": re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}"),
 }
 """Numbers that do not show it."""
-_LOOKED_AT = 40
-"""Rows from which the separator is found."""
-
-
-def decoded(content: bytes) -> str | None:
-    """Return text, whatever its encoding; None for bytes that are no text."""
-    for encoding in encodings_of(content):
-        try:
-            text = content.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        controls = sum(c < " " and c not in "\t\n\r\f\x1a" for c in text[:4096])
-        return text if controls <= 0.01 * len(text[:4096]) else None
-    return None
-
-
-def without_groups(text: str) -> str:
-    """Return text without marks that group thousands, and without quotes round decimal commas.
-
-    Cells of numbers with commas that are quoted are set apart by semicolons.
-    """
-    if '"' in text and ";" not in text and _QUOTED_COMMA.search(text):
-        text = "\n".join(";".join(cells) for cells in csv.reader(text.splitlines()))
-    for mark, grouped in _GROUPED.items():
-        if grouped.search(text[:20_000]):
-            text = re.sub(rf"(?<=\d)[{mark}](?=\d{{3}})", "", text)
-    return text
 
 
 @dataclass(frozen=True)
@@ -91,6 +58,7 @@ class TextTable:
     header: tuple[str, ...]
     """Lines above the numbers, without the signs of a comment."""
     body: str
+    """The rows as text; only the first ones where `numbers` has all of them."""
     first_line: int
     """Number of the first line of numbers in the file, from 1."""
     separator: str | None
@@ -100,6 +68,8 @@ class TextTable:
     error: type[AsperityError] = AsperityError
     row: str = "line"
     """What a row is in the file."""
+    numbers: Array | None = field(default=None, compare=False, repr=False)
+    """All rows, of a large file in which each line is one and holds nothing but numbers."""
 
     @property
     def names(self) -> tuple[str, ...] | None:
@@ -119,7 +89,13 @@ class TextTable:
         return None
 
     def values(self, columns: list[int] | None = None) -> Array:
-        """Return the numbers of some columns, or of all, (rows, columns); NaN where missing."""
+        """Return the numbers of some columns, or of all, (rows, columns); NaN where missing.
+
+        They are the caller's to change, `numbers` among them.
+        """
+        if self.numbers is not None:
+            every = [*range(self.columns)]
+            return self.numbers if columns in (None, every) else self.numbers[:, columns]
         body = self.body
         if self.decimal == ",":
             body = body.replace(",", ".")
@@ -146,12 +122,12 @@ class TextTable:
         """Return the text with `nan` for missing values, and numbers as NumPy reads them."""
         body = re.sub(r"[\x00\x1a\f]", "", body.replace("−", "-").replace('"', ""))
         body = re.sub(r"(?i)(?<=\d)d(?=[+-]?\d)", "e", body)
-        body = _TWO_WORDS.sub("nan", body)
+        body = TWO_WORDS.sub("nan", body)
         if self.separator is None:
-            return _WORD.sub(_word, body)
+            return WORD.sub(_word, body)
         lines = []
         for line in body.split("\n"):
-            cells = _bare(line).split(self.separator)
+            cells = bare(line).split(self.separator)
             if len(cells) == self.columns + 1 and not cells[-1].strip():
                 cells.pop()
             blank = not any(cell.strip() for cell in cells)
@@ -161,30 +137,43 @@ class TextTable:
     @property
     def commas_only(self) -> bool:
         """Whether commas separate whole numbers, or are decimal marks: nothing shows which."""
-        return self.separator == "," and "." not in self.body and " " not in self.body.strip()
+        if self.separator != "," or "." in self.body:
+            return False
+        body = self.complete().body
+        return "." not in body and " " not in body.strip()
+
+    def complete(self) -> TextTable:
+        """Return the table with all of its rows as text, and no numbers."""
+        if self.numbers is None:
+            return self
+        text = decoded(content_of(self.path)) or ""
+        body = without_footer(text.split("\n", self.first_line - 1)[-1])
+        return replace(self, body=body, numbers=None)
 
     @property
     def perhaps_thousands(self) -> str:
         """A number whose mark may group thousands, if all that have one are such; else ""."""
         if self.separator != ";" and (self.separator != "\t" or self.decimal == "."):
             return ""
-        rows = self.body[:200_000].splitlines()[:_LOOKED_AT]
-        cells = [cell.strip() for row in rows for cell in _bare(row).split(self.separator)]
+        rows = first_rows(self.body)
+        cells = [cell.strip() for row in rows for cell in bare(row).split(self.separator)]
         marked = [cell for cell in cells if self.decimal in cell]
         either = _EITHER[self.decimal]
         return marked[0] if marked and all(map(either.fullmatch, marked)) else ""
 
     def rows_at(self) -> Sequence[int]:
         """Return the number of the line of each row."""
+        if self.numbers is not None:
+            return range(self.first_line, self.first_line + len(self.numbers))
         body = self.body.rstrip("\n")
         if "#" not in body and _BLANK.search(body) is None:
             return range(self.first_line, self.first_line + body.count("\n") + 1)
         lines = enumerate(self.body.split("\n"), self.first_line)
-        return [number for number, line in lines if _bare(line).strip()]
+        return [number for number, line in lines if bare(line).strip()]
 
     def _refuse_line(self, body: str, columns: list[int] | None) -> None:
         for number, line in enumerate(body.split("\n"), self.first_line):
-            line = _bare(line)
+            line = bare(line)
             if not line.strip():
                 continue
             cells = line.split(self.separator)
@@ -223,20 +212,52 @@ def read_text_table(
     AsperityError
         No text, or no row of numbers.
     """
+    plain = _plain_table(path, texts)
+    if plain is not None:
+        return replace(plain, error=error)
     text = decoded(content_of(path))
     if text is None:
         kind = path.suffix.lower()
         raise error(f"{path}: cannot be read as a {kind} file: no text; valid: rows of numbers")
     if "\n" not in text and "\r" in text:
         text = text.replace("\r", "\n")
-    text = without_groups(text)
+    return _table(path, without_groups(text), texts, error)
+
+
+def _plain_table(path: Path, texts: bool) -> TextTable | None:
+    """Return the table of a large file of plain numbers, judged by its head; None for others."""
+    head = head_of(path)
+    text = None if head is None or b"\n" not in head else decoded(head)
+    if head is None or text is None or without_groups(text) != text:
+        return None
+    try:
+        table = _table(path, text, texts, AsperityError, is_whole=False)
+    except AsperityError:
+        return None
+    above = table.first_line - 1
+    start = len(head) - len(head.split(b"\n", above)[-1])
+    if len(table.body) < OPENING or table.decimal != "." or not ends_plainly(head[:start]):
+        return None
+    lines = plain_lines(path, start)
+    if lines is None or is_footer(lines[1]):
+        return None
+    numbers = plain_numbers(path, above, table.separator, table.columns, "latin-1")
+    if numbers is None or len(numbers) != lines[0]:  # else there are blank lines
+        return None
+    return replace(table, numbers=numbers)
+
+
+def _table(
+    path: Path, text: str, texts: bool, error: type[AsperityError], *, is_whole: bool = True
+) -> TextTable:
+    """Return the table in a text, or in the first part of one."""
     start, number, header, above = 0, 0, [], ""
     while start < len(text):
         end = text.find("\n", start)
         end = len(text) if end < 0 else end
         line, number = text[start:end], number + 1
         rest = text[end + 1 : end + 4000]
-        if _is_row(line, texts) and not _is_count(line, rest) and not _is_label(line, rest):
+        if is_row(line, texts) and not is_count(line, rest) and not is_label(line, rest):
             break
         if line.strip():
             header.append(line.strip().lstrip(_MARKS).strip())
@@ -244,115 +265,18 @@ def read_text_table(
         start = end + 1
     else:
         raise error(f"{path}: there are no numbers in it; valid: rows of numbers")
-    body = _without_footer(text[start:])
-    sample = [_bare(line).strip(" \r") for line in body[:200_000].splitlines()[:_LOOKED_AT]]
-    separator, decimal = _format([line for line in sample if line.strip()])
+    body = without_footer(text[start:]) if is_whole else text[start:]
+    sample = [bare(line).strip(" \r") for line in first_rows(body)]
+    separator, decimal = format_of([line for line in sample if line.strip()])
     first = sample[0].rstrip(separator) if separator else sample[0]
     columns = len(first.split(separator))
-    wrong = _wrong_word(above, separator, columns)
+    wrong = wrong_word(above, separator, columns)
     if wrong:
         raise error(
             f"{path}: line {number - 1}: {wrong!r} is no number; valid: numbers, and nan for what "
             "is missing"
         )
     return TextTable(path, tuple(header), body, number, separator, decimal, columns, error)
-
-
-def _wrong_word(line: str, separator: str | None, columns: int) -> str:
-    """Return the word that makes a row of numbers look like a line above them, "" if none does."""
-    cells = [cell.strip(' \r"') for cell in _bare(line).split(separator)]
-    words = [c for c in cells if c.lower() not in MISSING and not _NUMBER.fullmatch(c) and c]
-    few = len(cells) == columns > 1 and 0 < len(words) < 0.5 * columns
-    few = few and any(_NUMBER.fullmatch(c) for c in cells)  # else it is a line of units
-    # The first cell alone names rows and columns that are numbered.
-    return words[0][:40] if few and words != cells[:1] else ""
-
-
-def _without_footer(body: str) -> str:
-    """Return rows without the lines of words behind them, as "End of data"."""
-    end = len(body)
-    for _ in range(20):
-        while end and body[end - 1].isspace():
-            end -= 1
-        start = body.rfind("\n", 0, end) + 1
-        words = _WORD.findall(body[start:end].replace('"', " ")) if end - start < 1000 else ["0"]
-        if start == 0 or any(_NUMBER.fullmatch(w) or w.lower() in MISSING for w in words):
-            break
-        if body.find("\n", body.find("\n") + 1) >= start - 1:
-            break  # fewer than three rows above: it is not known what is wrong
-        end = start
-    return body[:end]
-
-
-def _format(rows: list[str]) -> tuple[str | None, str]:
-    """Return the separator of rows, None for white space, and the decimal mark."""
-    together = "\n".join(rows)
-    between_digits = re.search(r"\d,\d", together) is not None
-    for separator in ";\t":
-        if separator in together:
-            comma = between_digits and not re.search(r"\d\.\d", together)
-            return separator, "," if comma else "."
-    if "," not in together:
-        return None, "."
-    # Words with one comma each, between digits: decimal commas, and white space separates.
-    words = together.split()
-    commas = "." not in together and len(rows[0].split()) > 1
-    if commas and all(re.fullmatch(_NUMBER, w) or w.lower() in MISSING for w in words):
-        return None, ","
-    return ",", "."
-
-
-def _bare(line: str) -> str:
-    """Return a line without the comment at its end."""
-    return _COMMENT.split(line, maxsplit=1)[0] if "#" in line else line
-
-
-def is_number(word: str) -> bool:
-    """Return whether a word is a number, or nan or inf."""
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
-def _is_row(line: str, texts: bool) -> bool:
-    """Return whether a line is a row of numbers, words for missing values among them."""
-    words = _WORD.findall(_TWO_WORDS.sub("nan", _bare(line).replace('"', " ")))
-    if not words or line.lstrip().startswith(("%", "//")):
-        return False
-    numbers = sum(_NUMBER.fullmatch(word.replace("−", "-")) is not None for word in words)
-    missing = sum(word.lower() in MISSING for word in words)
-    if texts and len(words) >= 8:
-        return 2 * numbers > len(words)
-    return numbers + missing == len(words) and (numbers > 0 or len(words) > 3)
-
-
-def _cells(line: str) -> int:
-    """Return how many cells a row has, whatever separates them."""
-    line = _bare(line).strip(" \r").rstrip(",;")
-    for separator in (";", "\t", None, ","):
-        count = len(line.split(separator))
-        if count > 1:
-            return count
-    return 1
-
-
-def _is_count(line: str, rest: str) -> bool:
-    """Return whether whole numbers are sizes above a table: its rows have more or fewer cells."""
-    if not all(word.isdigit() for word in _WORD.findall(line)):
-        return False
-    below = [row for row in rest.split("\n") if row.strip()][:-1][:_LOOKED_AT]
-    counts = {_cells(row) for row in below if _is_row(row, False)}
-    return len(below) > 2 and len(counts) == 1 and _cells(line) not in counts
-
-
-def _is_label(line: str, rest: str) -> bool:
-    """Return whether numbers behind an empty cell are names, as of bodies: words are below them."""
-    if not line.startswith((",", ";")):
-        return False
-    below = next((row for row in rest.split("\n") if row.strip()), "")
-    return bool(below) and not _is_row(below, False)
 
 
 def _word(match: re.Match[str]) -> str:

@@ -7,7 +7,6 @@ commas too.
 
 from __future__ import annotations
 
-import importlib
 import math
 import re
 from pathlib import Path
@@ -18,9 +17,11 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity._core.files import columns_of, reading, text_of
 from asperity._core.large_tables import numbers_of
-from asperity._core.text_table import is_number, without_groups
+from asperity._core.plain_tables import head_of, plain_numbers
+from asperity._core.text_form import is_number, without_groups
 from asperity._core.units import LENGTHS, named_unit
 from asperity._core.unpacking import content_of
+from asperity.baking.las import read_las
 from asperity.baking.pcd import read_pcd
 from asperity.baking.ptx import read_ptx
 from asperity.errors import AsperityError
@@ -39,6 +40,8 @@ _FEW, _LONG = 9, 16
 """Columns of points at most, and lines a column from which they are no map."""
 _SAMPLE = 200
 """Lines from which the form of a text is found."""
+_FIRST = 40
+"""Lines from which it is found where all others are read by it."""
 _FORMS = ((";", ","), (",", "."), (None, "."), (None, ","))
 """What stands between numbers (None: spaces or tabs), and the decimal sign; a point always may."""
 _AXES = {
@@ -55,8 +58,6 @@ _ON_THE_GLOBE = re.compile(r"(?i)\b(lat(?:itude)?|lon(?:g(?:itude)?)?)\b")
 _FORTRAN = re.compile(r"(?<=\d)[dD](?=[+-]\d)")
 """The sign before a power of ten, as Fortran writes it."""
 _MAP_HEADS = re.compile(r"^\W*(ncols|channel|width|height|rows)\b", re.IGNORECASE | re.MULTILINE)
-_MOST_PACKED = 200
-"""By how much LAZ may pack points."""
 
 
 class Points(NamedTuple):
@@ -110,16 +111,20 @@ def read_points(path: Path) -> Points:
         elif suffix == ".pcd":
             found = Points(read_pcd(path))
         elif suffix in (".las", ".laz"):
-            found = _las(path)
+            found = Points(read_las(path))
         elif suffix == ".ptx":
             places, notes = read_ptx(path)
             found = Points(places, None, notes)
         else:
             found = _text(path)
-    good, notes = np.isfinite(found.places).all(axis=1), found.notes
-    if not good.all():
+    places, notes = found.places, found.notes
+    good = np.ones(len(places), dtype=bool)
+    if not np.isfinite(places).all():  # which row by row takes longer
+        good &= np.isfinite(places).all(axis=1)
         notes = (*notes, f"{np.count_nonzero(~good)} points without a place are left out")
-    at_origin = (found.places == 0.0).all(axis=1)
+    at_origin = np.asarray(places[:, 0] == 0.0)
+    if at_origin.any():
+        at_origin &= (places[:, 1:] == 0.0).all(axis=1)
     count = np.count_nonzero(at_origin)
     if count > 1:
         notes = (
@@ -127,9 +132,10 @@ def read_points(path: Path) -> Points:
             f"{count} points at 0, 0, 0 are left out: scanners write what is not seen so",
         )
         good &= ~at_origin
-    if good.sum() < FEWEST:
-        raise AsperityError(f"{path}: {good.sum()} points are too few; valid: {FEWEST} or more")
-    return Points(found.places[good], found.unit, notes)
+    left = np.count_nonzero(good)
+    if left < FEWEST:
+        raise AsperityError(f"{path}: {left} points are too few; valid: {FEWEST} or more")
+    return Points(places if left == len(places) else places[good], found.unit, notes)
 
 
 def holds_points(path: Path) -> bool:
@@ -254,9 +260,12 @@ def _within(name: str) -> tuple[str, str]:
 
 def _text(path: Path) -> Points:
     """Return the points in a text."""
-    text = _plain(content_of(path))
-    lines = text.split("\n", 4 * _SAMPLE)[: 4 * _SAMPLE]
-    form = _form(lines)
+    lines, form, places = _plain_points(path)
+    text = ""
+    if places is None:
+        text = _plain(content_of(path))
+        lines = text.split("\n", 4 * _SAMPLE)[: 4 * _SAMPLE]
+        form = _form(lines)
     if form is None:
         shown = next(filter(None, map(str.strip, lines)), "")[:40]
         raise AsperityError(
@@ -276,24 +285,47 @@ def _text(path: Path) -> Points:
         )
     if form.decimal == "," and any("," in line for line in lines[form.first :][:_SAMPLE]):
         notes.append("its numbers have decimal commas")
-    body = text.split("\n", form.first)[form.first]
-    points = body.replace(",", ".") if form.decimal == "," else body
-    found = numbers_of(points, form.separator, form.columns)
-    if found is None:
-        found = columns_of(points.split("\n"), form.columns, form.separator)
-    places = _line_by_line(path, body.split("\n"), form) if found is None else found
+    if places is None:
+        places = _places(path, text, form)
+    elif form.width > 3 or form.columns != (0, 1, 2):
+        places = np.ascontiguousarray(places[:, list(form.columns)])
     if form.names and form.columns != (0, 1, 2):
         places_of = zip("xyz", form.columns, strict=True)
         notes.append(", ".join(f"{axis} from column {k + 1}" for axis, k in places_of))
     if form.counted is not None and len(places) < form.counted:
         notes.append(f"it is cut short: it counts {form.counted} points and has {len(places)}")
-    known = [unit for unit in form.units if unit]
+    known = [*filter(None, form.units)]
     unit = known[0] if known else stated_unit("\n".join(lines[: form.first]))
     if len(set(known)) > 1:
         factors = [UNITS[own or known[0]] / UNITS[known[0]] for own in form.units]
         places = places * factors
         notes.append(f"x, y and z are in {', '.join(form.units)}, as their names state")
     return Points(places, unit, tuple(notes))
+
+
+def _plain_points(path: Path) -> tuple[list[str], _Form | None, Array | None]:
+    """Return the first lines of a large text of plain numbers, its form, and all its columns.
+
+    The last is None for other texts. A few lines show the form if all others are read by it.
+    """
+    first = (head_of(path) or b"").split(b"\n", 4 * _SAMPLE)[:-1]
+    if len(first) < 4 * _SAMPLE:
+        return [], None, None
+    lines = _plain(b"\n".join(first)).split("\n")[: 4 * _SAMPLE]
+    form = _form(lines[:_FIRST])
+    if form is None or form.first > _FIRST // 4 or form.texts or form.decimal != ".":
+        return lines, form, None
+    return lines, form, plain_numbers(path, form.first, form.separator, form.width)
+
+
+def _places(path: Path, text: str, form: _Form) -> Array:
+    """Return the points (n, 3) in a text, whatever else stands in it."""
+    body = text.split("\n", form.first)[form.first]
+    points = body.replace(",", ".") if form.decimal == "," else body
+    found = numbers_of(points, form.separator, form.columns)
+    if found is None:
+        found = columns_of(points.split("\n"), form.columns, form.separator)
+    return _line_by_line(path, body.split("\n"), form) if found is None else found
 
 
 def _line_by_line(path: Path, lines: list[str], form: _Form) -> Array:
@@ -322,50 +354,3 @@ def _counts_lines(lines: list[str], form: _Form) -> bool:
     rows = [_numbers(x, form.separator, form.decimal) for x in lines[form.first :][:_SAMPLE]]
     first = np.array([row[0] for row in rows if len(row) == form.width])
     return len(first) > 8 and first[0] in (0.0, 1.0) and bool((np.diff(first) == 1.0).all())
-
-
-def _check_las_head(path: Path) -> None:
-    """Refuse a LAS file whose head counts more records than it can hold: laspy reads them all."""
-    with path.open("rb") as file:
-        head = file.read(375)
-    if head[:4] != b"LASF" or len(head) < 227:
-        raise AsperityError(f"{path}: cannot be read as a {path.suffix} file: it has no head LASF")
-    records = int.from_bytes(head[100:104], "little") * 54
-    if head[25] >= 4 and len(head) == 375:  # extended ones of LAS 1.4
-        records += int.from_bytes(head[243:247], "little") * 60
-    if records > path.stat().st_size:
-        raise AsperityError(
-            f"{path}: it is cut short or damaged: its head counts records of {records} bytes"
-        )
-
-
-def _las(path: Path) -> Points:
-    """Return the points of a LAS or LAZ file."""
-    try:
-        laspy = importlib.import_module("laspy")
-    except ImportError:
-        raise AsperityError(
-            f"{path}: {path.suffix} files need a reader that is not installed; "
-            "valid: pip install 'asperity[las]', or a text of x, y and z"
-        ) from None
-    _check_las_head(path)
-    try:
-        with laspy.open(path) as file:
-            count, size = file.header.point_count, file.header.point_format.size
-            if count * size > _MOST_PACKED * path.stat().st_size:
-                raise AsperityError(
-                    f"{path}: it is cut short or damaged: its head counts {count} points"
-                )
-            cloud = file.read()
-    except (MemoryError, KeyboardInterrupt, SystemExit, AsperityError):
-        raise
-    except BaseException as error:  # also panics of lazrs, which are no `Exception`
-        raise AsperityError(
-            f"{path}: cannot be read as a {path.suffix} file: "
-            f"{' '.join(str(error).split())[:120] or 'it is damaged'}"
-        ) from None
-    if len(cloud.xyz) < count:
-        raise AsperityError(
-            f"{path}: it is cut short: its head counts {count} points, there are {len(cloud.xyz)}"
-        )
-    return Points(np.asarray(cloud.xyz, dtype=np.float64))

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from asperity._core.arrays import Array
+from asperity._core.arrays import Array, row_lengths
 
 TURN = 45.0
 """Turn between neighbours from which the order of the quaternion is doubted [degrees]."""
+_AT_ONCE = 4096
+_HARDLY_TURNED = 0.93
+"""Product of neighbouring quaternions, above that of this turn."""
 _FARTHEST, _FASTEST, _LONGEST_STEP = 3.0, 10.0, 0.5
 """Places [m], speeds [m/s] and times between poses [s] beyond which a unit is doubted."""
 
@@ -24,14 +27,17 @@ def pose_doubts(times: Array, poses: Array, named: bool) -> list[str]:
         Whether names state the order of the quaternion.
     """
     notes = []
-    turns = np.abs(np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:]))
-    angles = np.degrees(2.0 * np.arccos(np.clip(turns, 0.0, 1.0)))
-    if angles.size and np.nanmax(angles, initial=0.0) > TURN:
-        row = int(np.nanargmax(angles))
-        notes.append(
-            f"is the order of qw, qx, qy, qz right? The tool turns by {angles[row]:.0f} degrees "
-            f"from pose {row} to {row + 1} (more than {TURN:g}); order= changes it"
-        )
+    with np.errstate(all="ignore"):
+        least, far, fastest = _extremes(times, poses)
+    if not least > _HARDLY_TURNED:
+        turns = np.abs(np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:]))
+        angles = np.degrees(2.0 * np.arccos(np.clip(turns, 0.0, 1.0)))
+        if np.nanmax(angles, initial=0.0) > TURN:
+            row = int(np.nanargmax(angles))
+            notes.append(
+                f"is the order of qw, qx, qy, qz right? The tool turns by {angles[row]:.0f} "
+                f"degrees from pose {row} to {row + 1} (more than {TURN:g}); order= changes it"
+            )
     if not named:
         tilts = [_tilt(poses[0, 3:], at) for at in (0, 3)]
         if tilts[0] > 90.0 > 2.0 * tilts[1]:
@@ -39,39 +45,59 @@ def pose_doubts(times: Array, poses: Array, named: bool) -> list[str]:
                 "is the order x, y, z, w? The first pose is turned by "
                 f"{tilts[0]:.0f} degrees, with order='xyzw' by {tilts[1]:.0f}"
             )
-    with np.errstate(all="ignore"):
-        far = float(np.abs(poses[:, :3]).max())
-        steps = np.diff(times)
-        speeds = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) / steps
-        fast = float(np.median(speeds)) if speeds.size else 0.0
+    steps, speeds = np.diff(times), np.zeros(1)
+    if far > _FARTHEST or fastest > _FASTEST:  # else their median is no larger
+        with np.errstate(all="ignore"):
+            speeds = row_lengths(np.diff(poses[:, :3], axis=0)) / steps
+    fast = float(np.median(speeds)) if speeds.size else 0.0
     if far > _FARTHEST or fast > _FASTEST:
         notes.append(
             f"are x, y, z in m? They reach {far:.4g} m, at {fast:.3g} m/s; unit= changes that"
         )
-    elif speeds.size and float(np.nanmax(speeds, initial=0.0)) > _FASTEST:
+    elif fastest > _FASTEST:
         row = int(np.nanargmax(speeds))
         leap = 1e3 * float(np.linalg.norm(poses[row + 1, :3] - poses[row, :3]))
         notes.append(
             f"was tracking lost? The tool leaps by {leap:.4g} mm from pose {row + 1} to {row + 2}, "
             f"at {speeds[row]:.3g} m/s"
         )
-    lost = (poses[:, :3] == 0.0).all(axis=1) & (np.abs(poses[:, 3]) == 1.0)
+    lost = poses[:, 0] == 0.0
+    if lost.any():
+        lost &= (poses[:, 1:3] == 0.0).all(axis=1) & (np.abs(poses[:, 3]) == 1.0)
     lost[: int(np.argmin(lost))] = False  # a motion may begin there
     if 0 < np.count_nonzero(lost) < 0.5 * len(poses):
         notes.append(
             f"was tracking lost? {np.count_nonzero(lost)} of {len(poses)} poses are at 0, 0, 0 "
             f"without a turn, the first is pose {int(np.argmax(lost)) + 1}: leave them out, if so"
         )
-    if steps.size and float(np.median(steps)) > _LONGEST_STEP:
+    longest = float(np.nanmax(steps, initial=0.0))
+    if longest > _LONGEST_STEP and float(np.median(steps)) > _LONGEST_STEP:
         notes.append(
             f"are the times in s? There are {np.median(steps):.4g} s between poses; time_unit= "
             "changes that"
         )
-    elif steps.size and float(np.nanmax(steps, initial=0.0)) > _LONGEST_STEP:
+    elif longest > _LONGEST_STEP:
         row = int(np.nanargmax(steps))
         notes.append(f"there are {steps[row]:.4g} s without a pose behind pose {row + 1}: the path "
                      "across is that of the neighbours")  # fmt: skip
     return notes
+
+
+def _extremes(times: Array, poses: Array) -> tuple[float, float, float]:
+    """Return the least product of neighbouring quaternions, the largest coordinate, and speed.
+
+    The first two are NaN if any is. Few poses at a time, so that they stay in the cache.
+    """
+    found = []
+    for first in range(0, len(poses), _AT_ONCE):
+        columns = np.ascontiguousarray(poses[first : first + _AT_ONCE + 1].T)
+        places, quaternions = columns[:3], columns[3:]
+        products = (quaternions[:, 1:] * quaternions[:, :-1]).sum(axis=0)
+        speeds = row_lengths(np.diff(places).T) / np.diff(times[first : first + _AT_ONCE + 1])
+        least = -np.abs(products).min(initial=1.0)
+        found.append((least, np.abs(places).max(), np.nanmax(speeds, initial=0.0)))
+    least, far, fastest = np.max(found, axis=0).tolist()
+    return -least, far, fastest
 
 
 def _tilt(quaternion: Array, scalar: int) -> float:

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from asperity._core.files import reading
-from asperity._core.text_table import TextTable, decoded
+from asperity._core.text_form import decoded
+from asperity._core.text_table import TextTable
 from asperity._core.unpacking import content_of
 from asperity.errors import AsperityError
 from asperity.scene.pose_arrays import names_of

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from asperity._core.arrays import Array
+from asperity._core.arrays import Array, row_lengths
 from asperity.errors import (
     AsperityError,
     require_between,
@@ -112,7 +112,7 @@ class Trajectory:
     poses : (n, 7) array
         Positions [m] and unit quaternions wxyz.
     name : str
-    origins : tuple of str
+    origins : sequence of str
         Origin of each row, for error messages; by default the number of the row, from 0.
     notes : tuple of str
         Choices, conversions and doubts on the way here, to be shown to the user.
@@ -121,7 +121,7 @@ class Trajectory:
     times: Array
     poses: Array
     name: str = "trajectory"
-    origins: tuple[str, ...] = field(default=(), repr=False)
+    origins: Sequence[str] = field(default=(), repr=False)
     notes: tuple[str, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
@@ -142,12 +142,18 @@ class Trajectory:
                 f"{self.name}, {self._row(row)}: times must increase, {times[row]:g} s comes "
                 f"after {times[row - 1]:g} s"
             )
-        norms = np.linalg.norm(poses[:, 3:], axis=1)
-        with np.errstate(invalid="ignore"):
-            wrong = ~(np.isfinite(poses).all(axis=1) & (np.abs(norms - 1.0) <= NORM_TOLERANCE))
-        for row in np.flatnonzero(wrong)[:1]:
-            require_pose(poses[row], f"{self.name}, {self._row(int(row))}")
-        poses = np.column_stack([poses[:, :3], poses[:, 3:] / norms[:, None]])
+        poses = np.array(poses, order="C")
+        with np.errstate(over="ignore", invalid="ignore"):
+            norms = row_lengths(poses[:, 3:])
+            right = np.abs(norms - 1.0) <= NORM_TOLERANCE
+            total = poses.sum()
+        if not np.isfinite(total):
+            right &= np.isfinite(poses).all(axis=1)
+        if not right.all():
+            row = int(np.argmin(right))
+            require_pose(poses[row], f"{self.name}, {self._row(row)}")
+        for column in poses.T[3:]:
+            column /= norms
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from asperity._core.arrays import Array
+from asperity._core.arrays import Array, row_lengths
 from asperity._core.text_table import TextTable, read_text_table
 from asperity._core.units import ANGLES, LENGTHS, TIMES
 from asperity._core.unpacking import suffix_of
@@ -41,13 +43,27 @@ _SEQUENCE = re.compile(r"\b(?:rotation )?type\W+([XYZ]{3})\b", re.IGNORECASE)
 """How OptiTrack states the axes of its angles, which are moving ones, in degrees."""
 
 
+@dataclass(frozen=True)
+class _Origins(Sequence[str]):
+    """Where rows of a file stand, in words that are made when they are needed."""
+
+    row: str
+    numbers: Sequence[int]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __getitem__(self, at: Any) -> Any:
+        return f"{self.row} {self.numbers[at]}"
+
+
 class _Table(NamedTuple):
     """Numbers of a file of poses in its layout's columns, as stored."""
 
     values: Array
     layout: Layout
     notes: tuple[str, ...] = ()
-    origins: tuple[str, ...] = ()
+    origins: Sequence[str] = ()
     named: bool = False
     start: float = 0.0
     """What was subtracted from the times."""
@@ -125,7 +141,8 @@ def read_poses(
     notes = [*table.notes, *turned]
     poses = values[:, 1:]
     length = _unit(lengths, table.layout.unit, "x, y, z", "unit", LENGTHS, notes)
-    poses[:, :3] *= length
+    if length != 1.0:
+        poses[:, :3] *= length
     seconds = _seconds(table, times, notes)
     _normalise(poses, notes)
     known = table.named or table.layout.turn != "quaternion"
@@ -164,9 +181,11 @@ def _seconds(table: _Table, given: float | None, notes: list[str]) -> Array:
 
 def _normalise(poses: Array, notes: list[str]) -> None:
     """Normalise quaternions whose norm rounding has changed, in place; others are left."""
-    norms = np.linalg.norm(poses[:, 3:], axis=1)
+    norms = row_lengths(poses[:, 3:])
     with np.errstate(invalid="ignore"):
         off = np.abs(norms - 1.0)
+        if off.max(initial=0.0) <= _EXACT:
+            return
         rounded = (off > _EXACT) & (off < ROUNDED)
     if rounded.any():
         poses[rounded, 3:] /= norms[rounded, None]
@@ -262,14 +281,14 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
     else:
         read = read_text_table(path, texts=True)
     text, note = in_seconds(read)
-    origins = tuple(map(f"{text.row} {{}}".format, text.rows_at()))
+    rows = text.rows_at()
     names = text.names
     notes: tuple[str, ...] = ()
     shown = ""
     if names is None:
         values = text.values()
         if order in (None, "matrix") and are_blocks(values):
-            values, origins = values.reshape(-1, 16), origins[::4]
+            values, rows = values.reshape(-1, 16), rows[::4]
         layout, notes = _no_names(path, order, values)
     else:
         layout = _named(path, text, names, order, rate)
@@ -289,19 +308,22 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
         values = np.column_stack([np.zeros(len(values)), values])
     start = 0.0
     if layout.places[0] >= 0 and np.abs(values[:1, 0]).max() > _EPOCH:
-        start, values[:, 0] = _exact(text, layout.places[0], values[:, 0])
+        start, values[:, 0] = _exact(text.complete(), layout.places[0], values[:, 0])
     if layout.nanoseconds is not None:
         values[:, 0] += 1e-9 * text.values([layout.nanoseconds])[:, 0]
     values, timed = _timed(path, values, layout, rate, shown)
     notes = (*notes, *timed)
-    missing = np.atleast_1d(np.isnan(values[:, 1:]).all(axis=1))
+    missing = np.isnan(values[:, 1])
+    if missing.any():
+        missing &= np.isnan(values[:, 1:]).all(axis=1)
     if missing.any() and not missing.all():
-        count, where = int(np.count_nonzero(missing)), origins[int(np.argmax(missing))]
+        count, where = int(np.count_nonzero(missing)), rows[int(np.argmax(missing))]
         notes = (*notes, f"{count} of {len(values)} poses are missing and left out, the first in "
-                 f"{where}: the path across is that of the neighbours")  # fmt: skip
-        origins = tuple(o for o, gone in zip(origins, missing, strict=True) if not gone)
+                 f"{text.row} {where}: the path across is that of the neighbours")  # fmt: skip
+        rows = [row for row, gone in zip(rows, missing, strict=True) if not gone]
         values = values[~missing]
-    return _Table(values, layout, notes, origins, names is not None or order is not None, start)
+    origins, is_named = _Origins(text.row, rows), names is not None or order is not None
+    return _Table(values, layout, notes, origins, is_named, start)
 
 
 def _units_above(text: TextTable, layout: Layout) -> Layout:

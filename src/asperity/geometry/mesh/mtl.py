@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from asperity._core.files import find_named, text_of
-from asperity._core.text_table import is_number
+from asperity._core.text_form import is_number
 from asperity.geometry.mesh.materials import FELT, MapImage, Material, Placing
 
 _MTL = {

@@ -279,7 +279,8 @@ def _open_tiff(path: Path) -> Iterator[Any]:
     log = logging.getLogger("tifffile")
     was, log.disabled = log.disabled, True  # of what it cannot parse; asperity parses that itself
     try:
-        with tifffile.TiffFile(path) as file:
+        # Of a path it would first look for links, which takes as long as opening it.
+        with path.open("rb") as opened, tifffile.TiffFile(opened) as file:
             yield file
     finally:
         log.disabled = was

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Mask
 from asperity._core.files import reading
-from asperity._core.text_table import decoded
+from asperity._core.text_form import decoded
 from asperity._core.units import SHORT
 from asperity._core.unpacking import content_of, suffix_of
 from asperity.errors import SurfaceError, require_choice
@@ -302,7 +302,9 @@ def _shaped(path: Path, stored: NDArray[Any]) -> tuple[Array, float, float]:
     if source.size < 2:
         refuse(path, f"heights need 2 samples or more along each axis, got {stored.shape}")
     values = np.asarray(source, dtype=np.float64, order="C")
-    return values, float(values.min()), float(values.max())
+    # Extremes are those of the fewer bytes of another type, gone through as they lie.
+    stored = source[::-1] if source.strides[0] < 0 else source
+    return values, float(stored.min()), float(stored.max())
 
 
 def _pixel_size(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.text_table import decoded
+from asperity._core.text_form import decoded
 from asperity._core.unpacking import content_of
 from asperity.errors import SurfaceError
 from asperity.texture.files.stored import NO_UNITS, Stored, check_size, refuse

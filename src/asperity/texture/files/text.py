@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.text_table import TextTable, is_number, read_text_table
+from asperity._core.text_form import is_number
+from asperity._core.text_table import TextTable, read_text_table
 from asperity._core.units import LENGTHS, named_unit, short_unit
 from asperity.errors import SurfaceError
 from asperity.texture.files.interferometers import is_wyko, is_zygo, load_wyko, load_zygo
