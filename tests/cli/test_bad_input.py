@@ -415,3 +415,10 @@ def test_the_log_level_stands_anywhere(place, capsys):
     assert main([*place, "doctor"]) == 0
     assert main(["doctor", "--log-level"]) == 2
     assert "--log-level" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("again", [["--tool", "box:2mm"], ["--tool=box:2mm"]])
+def test_an_option_that_is_given_twice_is_refused(again, capsys, tmp_path):
+    """The parser takes the last one, in silence."""
+    assert main(["run", "probe-plate", "--tool", "sphere:3mm", *again, "--out", str(tmp_path)]) == 2
+    assert "--tool is given more than once" in capsys.readouterr().err
