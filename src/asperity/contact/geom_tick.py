@@ -16,14 +16,13 @@ from asperity.contact.manifold.geom_manifold import (
     remember,
 )
 from asperity.contact.manifold.separation import (
-    ABOUT,
     FACE_A,
     FACE_B,
     FARTHEST,
     LONGEST,
     MAX_PARTS,
-    cosine,
     is_same_way,
+    is_stood_for,
 )
 from asperity.contact.narrow_phase.friction import contact_friction
 from asperity.contact.narrow_phase.geom_depth import (
@@ -102,19 +101,6 @@ def _search(model, parameters, grid, i, stretch, centre, memory, workspace):
 
 
 @inner_kernel
-def _is_stood_for(memory, first, i, least):
-    """Return whether another direction that has been searched stands for separation `i`."""
-    found = memory.separations[i]
-    for j in range(first, i):
-        other = memory.separations[j]
-        is_near = other.gap - other.rough <= ABOUT * least
-        is_deep = other.kind < found.kind and other.depth > 0.0
-        if is_deep and is_near and cosine(other, found) >= found.aligned:
-            return True
-    return False
-
-
-@inner_kernel
 def _search_part(model, parameters, grid, first, past, centre, memory, workspace):
     """Fill the depths of one part's separations, those with the least separation first.
 
@@ -132,7 +118,7 @@ def _search_part(model, parameters, grid, first, past, centre, memory, workspace
             if rows[i].depth != rows[i].depth and (at < 0 or rows[i].gap < rows[at].gap):
                 at = i
         is_far = rows[at].gap - rows[at].rough >= LONGEST * FARTHEST * least
-        if is_far or _is_stood_for(memory, first, at, least):
+        if is_far or is_stood_for(rows, first, at, least):
             rows[at].depth = -np.inf
             continue
         _search(model, parameters, grid, at, rows[at].rough, centre, memory, workspace)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from asperity._core.kernels import kernel
 from asperity._core.structures import by_reference
 from asperity.contact.body_arrays import Geometry
+from asperity.contact.broad_phase.polyhedra import Polyhedra, polyhedra, steepness
 from asperity.contact.broad_phase.surface_sizes import flat_area, surface_width
 from asperity.contact.narrow_phase.surface_patch import PLANAR, TRIPLANAR
 from asperity.geometry.bodies import MAPPINGS, Body, Geom
@@ -97,7 +98,7 @@ class FacetTable(NamedTuple):
     has_map: NDArray[np.bool_]
     """Whether a map gives the stiffness of any surface of a body, (bodies,)."""
     compliance: Array
-    """Largest compliance of a surface of a body [m/N], 0 if none has any, (bodies,)."""
+    """Largest and least compliance of a body's surfaces [m/N], 0 if none has any, (bodies, 2)."""
     varies: NDArray[np.bool_]
     """Whether friction or stiffness differ between the facets of a body, (bodies,)."""
     first_surface: NDArray[np.int64]
@@ -122,6 +123,10 @@ class FacetTable(NamedTuple):
     """Mean area of a body's plane faces, weighted by their areas [m^2], (bodies,)."""
     width: Array
     """Second largest standard deviation of a body's surface [m], (bodies,)."""
+    is_convex: NDArray[np.bool_]
+    """Whether a body is convex, (bodies,)."""
+    polyhedra: Polyhedra
+    """The bodies that are convex, with few faces."""
 
 
 def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geometry) -> FacetTable:
@@ -152,6 +157,14 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
     raised, lowered = _heights(textures, geometry, len(bodies))
     rows, count_rows = _rows(facets)
     low, high, child, first, last = (np.concatenate(part) for part in zip(*trees, strict=True))
+    solids = polyhedra(
+        [
+            part if np.all(own < 0) else taken(part, np.zeros(0, np.int64))
+            for part, own in zip(sets, geoms, strict=True)
+        ],
+        steepness(textures, geometry, len(bodies)),
+        bodies,
+    )
     return FacetTable(
         points=facets.points, sides=facets.sides, origin=facets.origin, axes=facets.axes,
         corners=facets.corners, half=facets.half, rows=rows, count_rows=count_rows,
@@ -165,13 +178,15 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         friction=np.concatenate([touch[:, 0] for touch in touches]),
         stiffness=np.concatenate([touch[:, 1] for touch in touches]),
         has_map=np.bincount(geometry.body, geometry.stiffness_map[geometry.surface] >= 0) > 0.0,
-        compliance=np.array([_compliance(*each) for each in zip(bodies, touches, strict=True)]),
+        compliance=np.array([_compliances(*each) for each in zip(bodies, touches, strict=True)]),
         varies=np.array([_varies(touch) for touch in touches]),
         slack=np.array(slacks), first_surface=geometry.surface[first_geoms], raised=raised,
         lowered=lowered, middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
         first=first, last=last, root=np.array(roots, dtype=np.int64),
         flat_area=np.array([flat_area(part) for part in sets]),
         width=np.array([surface_width(part) for part in sets]),
+        is_convex=(np.diff(solids.first_face) > 0) | [len(body.geoms) == 1 for body in bodies],
+        polyhedra=solids,
     )  # fmt: skip
 
 
@@ -227,10 +242,12 @@ def _varies(touch: Array) -> bool:
     return len(np.unique(np.nan_to_num(touch, nan=-1.0), axis=0)) > 1
 
 
-def _compliance(body: Body, touch: Array) -> float:
-    """Return the largest compliance of a body's surfaces [m/N], 0 if none has any."""
-    least = [found.lowest for found in body.stiffness_maps]
-    return float(np.max(1.0 / np.array([*least, *touch[~np.isnan(touch[:, 1]), 1]]), initial=0.0))
+def _compliances(body: Body, touch: Array) -> tuple[float, float]:
+    """Return the largest and least compliance of a body's surfaces [m/N], 0 if none has any."""
+    numbers = touch[~np.isnan(touch[:, 1]), 1]
+    least = [*(found.lowest for found in body.stiffness_maps), *numbers]
+    most = [*(found.highest for found in body.stiffness_maps), *numbers]
+    return (1.0 / min(least), 1.0 / max(most)) if least else (0.0, 0.0)
 
 
 def _covered(facets: Facets, geoms: Sequence[Geom], own: Geom) -> NDArray[np.bool_]:

@@ -17,8 +17,11 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import FacetTable
+from asperity.contact.narrow_phase.surface_patch import FLATTEST
 
 MAX_FACET_PAIRS = 32768
+_FLATTEST = 0.01
+"""Least cosine to n of facets of two convex bodies."""
 STACK = 512
 """Room for pairs of boxes that a traversal has still to visit."""
 _UNLIMITED = np.int64(1) << 40
@@ -113,6 +116,16 @@ def relative_transform(body_a, body_b, transform_out):
             transform_out[i, j] = 0.0
             for k in range(3):
                 transform_out[i, j] += body_b[k, i] * body_a[k, j]
+
+
+@small_kernel
+def flattest(table: FacetTable, a, b):
+    """Return the least cosine to n, and to each other, at which facets of two bodies are searched.
+
+    Facets of convex bodies may be steep: the tip of a needle has no others. In a cavity a steep
+    facet may be behind the opposite wall.
+    """
+    return _FLATTEST if table.is_convex[a] and table.is_convex[b] else FLATTEST
 
 
 @inner_kernel

@@ -26,6 +26,7 @@ from asperity.contact.broad_phase.facet_bvh import FacetTable
 from asperity.contact.broad_phase.facet_pairs import (
     BvhTraversal,
     facing_cosine,
+    flattest,
     largest_displacement,
     overlapping_facet_pairs,
     pair_limits,
@@ -41,7 +42,6 @@ from asperity.contact.broad_phase.neighbour_records import (
     copy_list,
     copy_transform,
 )
-from asperity.contact.narrow_phase.surface_patch import FLATTEST
 
 _TICKS = 10.0
 """Ticks at the present speed for which an inner list should stay valid."""
@@ -178,7 +178,8 @@ def _rebuild_inner(table: FacetTable, pose, limits, skin, lists, facets):
     b = pose.row
     inner, outer = lists.inner.state[b], lists.outer.state[b]
     max_depth, reach = limits.max_depth + skin, limits.reach + skin
-    wide = pair_limits(max_depth, reach, FLATTEST - skin / pose.size)
+    least = flattest(table, pose.first, pose.second)
+    wide = pair_limits(max_depth, reach, least - skin / pose.size)
     # A pair that was outside the old limits by some distance may be inside the new ones once the
     # tool has moved, and the limits have widened, by that distance together.
     wider = max(max_depth - inner.max_depth, reach - inner.reach, skin - inner.skin, 0.0)
@@ -206,7 +207,8 @@ def _measure_pending(table: FacetTable, pose, first, last, lists, facets):
     """Fill `needed_at` of the pending pairs from `first` to `last`."""
     b = pose.row
     inner, pending = lists.inner.state[b], lists.pending
-    limits = pair_limits(inner.max_depth, inner.reach, FLATTEST - inner.skin / pose.size)
+    least = flattest(table, pose.first, pose.second)
+    limits = pair_limits(inner.max_depth, inner.reach, least - inner.skin / pose.size)
     # By the triangle inequality: from here to the next rebuild the tool moves at most as far as
     # from here back to the last rebuild and from there to the next.
     moved = largest_displacement(table, pose.first, inner.transform, pose.transform)
@@ -254,7 +256,7 @@ def _advance_pending(table: FacetTable, pose, limits, skin, lists, facets):
         return
     wide = pair_limits(
         pending.max_depth + moved, pending.reach + moved,
-        FLATTEST - (pending.skin + moved) / pose.size,
+        flattest(table, pose.first, pose.second) - (pending.skin + moved) / pose.size,
     )  # fmt: skip
     visits, before = np.int64(progress.expected_visits / _PENDING_TICKS) + 1, pending.count
     traversal = BvhTraversal(lists.stack[b], progress.stack_size, lists.pending.pairs[b], before)
@@ -276,11 +278,12 @@ def _advance_pending(table: FacetTable, pose, limits, skin, lists, facets):
 def _facing_pairs(table: FacetTable, pose, lists, facets):
     """Fill `facets.pairs` with the pairs of the inner list that face each other; count them."""
     b, inner, count = pose.row, lists.inner, np.int64(0)
+    least = flattest(table, pose.first, pose.second)
     for i in range(inner.state[b].count):
         f, g = inner.pairs[b, i, 0], inner.pairs[b, i, 1]
         if facets.placed[f].tick != facets.state[0].tick:
             place_facet(table, f, pose.transform, facets)
-        if facing_cosine(table, f, g, facets) >= FLATTEST:
+        if facing_cosine(table, f, g, facets) >= least:
             facets.pairs[count, 0], facets.pairs[count, 1] = f, g
             count += 1
     return count
@@ -297,7 +300,7 @@ def neighbour_pairs(table: FacetTable, pose, limits, lists, facets):
     ----------
     pose : RelativePose
     limits : PairLimits
-        With `min_cosine` FLATTEST.
+        With the `min_cosine` of `flattest`.
     lists : NeighbourList
     facets : FacetPairs
 

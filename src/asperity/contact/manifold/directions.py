@@ -17,6 +17,7 @@ from asperity._core.kernels import clear, inner_kernel
 from asperity._core.records import clear_record
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
+from asperity.contact.broad_phase.facet_pairs import facing_cosine, flattest
 from asperity.contact.manifold.inside import is_across_cavity
 from asperity.contact.manifold.mean_normal import fill_mean_normal
 from asperity.contact.manifold.overlap_region import (
@@ -27,7 +28,7 @@ from asperity.contact.manifold.overlap_region import (
     deepest_corner,
 )
 from asperity.contact.manifold.properties import least_scale
-from asperity.contact.manifold.records import MAX_PARTS, MAX_PATCHES
+from asperity.contact.manifold.records import MAX_DIRECTIONS, MAX_PARTS, MAX_PATCHES
 from asperity.contact.manifold.residual import fill_residuals
 from asperity.contact.manifold.separation import LONGEST
 from asperity.contact.narrow_phase.geom_depth import SearchLimits, frame_round
@@ -35,6 +36,7 @@ from asperity.contact.narrow_phase.load import scale_of
 from asperity.contact.narrow_phase.mesh_depth import SplitRegion, region_depths
 from asperity.contact.narrow_phase.mesh_patches import FacetQuery
 from asperity.contact.narrow_phase.penetration import may_touch
+from asperity.contact.narrow_phase.surface_patch import FLATTEST
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import depth_tolerance, to_body, to_world
 
@@ -48,6 +50,9 @@ _RADIUS = 1.0 / 3.0
 def integrate_regions(table, query, count, thin, region):
     """Fill the sums of all directions; keep the pairs of facets that may touch, return how many.
 
+    Of facets that are steep to each other only their depths count, unless there are no others, as
+    where a needle stands on a plate.
+
     Parameters
     ----------
     query : BodyQuery
@@ -57,7 +62,17 @@ def integrate_regions(table, query, count, thin, region):
         Pieces that overlap by more than this may lie across a cavity [m].
     region : OverlapRegion
     """
-    sums, limit, reach, kept = region.sums, query.limit, query.raised, 0
+    kept, volume = _integrate(table, query, count, thin, FLATTEST, region)
+    least = flattest(table, query.first, query.second)
+    if volume == 0.0 and least < FLATTEST:
+        kept, _ = _integrate(table, query, kept, thin, least, region)
+    return kept
+
+
+@inner_kernel
+def _integrate(table, query, count, thin, least, region):
+    """Do what `integrate_regions` does with pairs down to a cosine; return their volume too."""
+    sums, limit, reach, kept, total = region.sums, query.limit, query.raised, 0, 0.0
     for d in range(DIRECTIONS):
         clear_record(sums[d])
         sums[d].deepest = -np.inf
@@ -74,7 +89,7 @@ def integrate_regions(table, query, count, thin, region):
         volumes = region.volumes[kept]
         kept += 1
         clear(volumes)
-        if not is_piece:
+        if not is_piece or facing_cosine(table, f, g, region.facets) < least:
             continue
         deepest, corner = deepest_corner(region, piece)
         if deepest > limit:
@@ -87,9 +102,10 @@ def integrate_regions(table, query, count, thin, region):
             if share == 0.0:
                 continue
             volumes[d] = add_piece(table, g, piece, reach, share, region, sums[d])
+            total += volumes[d]
             if deepest > sums[d].deepest:
                 _note_deepest(table, (f, g), piece, corner, region, sums[d])
-    return kept
+    return kept, total
 
 
 @inner_kernel
@@ -116,7 +132,7 @@ def _patch_radius(model, parameters, query):
 @inner_kernel
 def _search_patches(model, parameters, query, which, memory, space, workspace):
     """Search the patches of a direction, appended to the manifold; return how many there are."""
-    d, count, ceiling = which
+    d, count, ceiling, of = which
     scene, manifold = model.scene, space.manifold
     direction, frame = space.directions[d], workspace.frame
     n, world, local = stack_array((3,)), stack_array((3,)), stack_array((3, 3))
@@ -129,7 +145,7 @@ def _search_patches(model, parameters, query, which, memory, space, workspace):
     to_world(query.frame_b, n, world)
     for k in range(3):
         frame[2, k] = world[k]
-    facets = FacetQuery(np.int64(count), np.int64(d), n, frame, query.frame_a, query.frame_b)
+    facets = FacetQuery(np.int64(count), np.int64(of), n, frame, query.frame_a, query.frame_b)
     start = manifold.count[0].patches
     first = model.facets.first_surface
     surfaces = (first[query.first], first[query.second])
@@ -169,11 +185,11 @@ def _search_patches(model, parameters, query, which, memory, space, workspace):
 
 
 @inner_kernel
-def _search_direction(model, parameters, query, which, memory, space, workspace):
+def search_direction(model, parameters, query, which, memory, space, workspace):
     """Search the depth of a direction; return whether it counts.
 
-    `which` has its number, the number of pairs of facets, and the depth from which on it does not
-    count [m].
+    `which` has its number, the number of pairs of facets, the depth from which on it does not
+    count [m], and the direction whose facets are searched, -1 for all.
     """
     manifold, direction = space.manifold, space.directions[which[0]]
     if manifold.count[0].patches + MAX_PARTS > MAX_PATCHES:
@@ -290,8 +306,9 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
     """
     table, found = model.facets, space.residuals
     soft = least_scale(table, query, parameters.stiffness)
-    for d in range(DIRECTIONS):
+    for d in range(MAX_DIRECTIONS):
         clear_record(space.directions[d])
+    for d in range(DIRECTIONS):
         for c in range(DIRECTIONS):
             found.value[d, c] = np.nan
             found.slope[d, c] = found.rate[d, c] = found.whole[d, c] = 0.0
@@ -308,8 +325,8 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
         if is_near:
             fill_mean_normal(table, count, d, space.region, direction.normal)
             is_near = not _is_needless(table, query, count, d, space)
-        which = (d, count, most)
-        if is_near and _search_direction(model, parameters, query, which, memory, space, workspace):
+        which = (d, count, most, d)
+        if is_near and search_direction(model, parameters, query, which, memory, space, workspace):
             searched += 1
             least = min(least, direction.depth)
             if direction.depth == 0.0 and _frees_all(table, query, count, d, space):

@@ -29,23 +29,35 @@ from numpy.typing import NDArray
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
-from asperity.contact.broad_phase.facet_pairs import half_diagonal, pair_limits, relative_transform
+from asperity.contact.broad_phase.facet_pairs import (
+    flattest,
+    half_diagonal,
+    pair_limits,
+    relative_transform,
+)
 from asperity.contact.broad_phase.neighbour_list import RelativePose, neighbour_pairs
 from asperity.contact.manifold.directions import integrate_regions, search_directions
 from asperity.contact.manifold.mean_normal import add_normal_rates
 from asperity.contact.manifold.overlap_region import clip_depth, clip_pair
+from asperity.contact.manifold.polyhedron_manifold import (
+    add_polyhedron_rest,
+    find_polyhedron_separations,
+    polyhedron_way_out,
+)
+from asperity.contact.manifold.polyhedron_pair import is_polyhedron_pair
 from asperity.contact.manifold.properties import (
     add_stiffness_rates,
     contact_properties,
     has_map,
     least_scale,
+    pair_volume,
     properties_vary,
 )
+from asperity.contact.manifold.records import MAX_DIRECTIONS
 from asperity.contact.manifold.region_gradient import add_piece_gradient, fill_polynomial
 from asperity.contact.manifold.residual import add_residual_gradient
 from asperity.contact.manifold.split import add_line_rates
 from asperity.contact.narrow_phase.load import scale_of
-from asperity.contact.narrow_phase.surface_patch import FLATTEST
 from asperity.contact.response.mesh_way_out import fill_way_out
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import to_body, to_world
@@ -119,7 +131,8 @@ def _listed_pairs(model, query, memory, space):
     relative_transform(query.frame_a, query.frame_b, transform)
     size = half_diagonal(table, query.first)
     pose = RelativePose(query.first, query.second, query.body, transform, size, query.step)
-    limits = pair_limits(query.limit, query.raised, FLATTEST)
+    least = flattest(table, query.first, query.second)
+    limits = pair_limits(query.limit, query.raised, least)
     count = neighbour_pairs(table, pose, limits, memory.lists, facets)
     if facets.state[0].dropped > 0:
         space.manifold.count[0].dropped += 1
@@ -132,8 +145,12 @@ def _look(model, parameters, query, memory, space, workspace):
     table = model.facets
     size = min(half_diagonal(table, query.first), half_diagonal(table, query.second))
     count = _listed_pairs(model, query, memory, space)
-    thin = max(_THIN * size, query.raised)
+    is_pair = is_polyhedron_pair(table, query)
+    thin = math.inf if is_pair else max(_THIN * size, query.raised)  # convex: without cavities
     count = integrate_regions(table, query, count, thin, space.region)
+    if is_pair:
+        way_out = polyhedron_way_out(model, parameters, query, count, memory, space, workspace)
+        return way_out, count
     searched = search_directions(model, parameters, query, count, memory, space, workspace)
     return fill_way_out(space) if searched > 0 else 0.0, count
 
@@ -170,6 +187,14 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     here, least = query, _least_limit(model, query)
     usual = parameters.stiffness
     soft = least_scale(model.facets, query, usual)
+    is_pair = is_polyhedron_pair(model.facets, query)
+    clear(rest_out)
+    if is_pair:
+        deep, limit = find_polyhedron_separations(model.facets, query, usual, space), 4.0 * least
+        if deep == 0.0:
+            return 0.0
+        while limit < deep:
+            limit *= 2.0
     workspace.search[0].usual = 1.0 / usual if has_map(model.facets, query) else 0.0
     for _ in range(_ROUNDS):
         space.spent[0] = 0.0  # what a discarded round has used up is not missed by the last one
@@ -179,6 +204,8 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
             limit, query.raised, query.lowered,
         )  # fmt: skip
         way_out, count = _look(model, parameters, here, memory, space, workspace)
+        if is_pair:
+            break
         wanted = RATIO * way_out / soft + query.lowered
         is_new = memory.known[query.body] == 0
         if is_new and way_out == 0.0 and limit < min(RATIO * overlap + query.lowered, size):
@@ -189,7 +216,6 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
             limit *= 0.5
         else:
             break
-    clear(rest_out)
     if way_out == 0.0:
         return 0.0
     b, table = query.body, model.facets
@@ -197,7 +223,9 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
         table, here, count, parameters, space.region
     )
     _weigh(here, space, way_out, rest_out)
-    if properties_vary(table, here) or _moves(space):
+    if is_pair:
+        add_polyhedron_rest(table, here, count, parameters, way_out, space, rest_out)
+    elif properties_vary(table, here) or _moves(space):
         _add_rest(table, here, count, parameters, way_out, space, rest_out)
     if query.first == query.body:
         _turn_round(space.manifold, first, rest_out)
@@ -253,7 +281,7 @@ def _weigh(query, space, way_out, rest_io):
     A patch that the way out gets shorter by is no contact: what it adds is part of the rest.
     """
     manifold, n, turn = space.manifold, stack_array((3,)), stack_array((3,))
-    for d in range(DIRECTIONS):
+    for d in range(MAX_DIRECTIONS):
         direction = space.directions[d]
         if direction.patches == 0 or direction.depth == 0.0 or direction.rate == 0.0:
             continue
@@ -327,6 +355,8 @@ def _add_rest(table, query, count, parameters, way_out, space, rest_io):
         stiffness = space.stiffness[query.body]
         add_stiffness_rates(table, count, parameters, stiffness, way_out, region)
     for i in range(count):
+        if pair_volume(region, i) == 0.0:
+            continue
         f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
         fill_polynomial(table, g, i, space.directions, region, q)
         is_wanted = False

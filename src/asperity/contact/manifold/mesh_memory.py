@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.structures import by_reference
-from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.broad_phase.neighbour_records import (
     NeighbourList,
     clear_lists,
     neighbour_list,
 )
-from asperity.contact.manifold.records import MAX_PARTS
+from asperity.contact.manifold.records import MAX_DIRECTIONS, MAX_PARTS
 
 
 @by_reference
@@ -26,13 +25,13 @@ class MeshMemory(NamedTuple):
     way_out: NDArray[np.float64]
     """How far the tool had to move to leave the body [m], (bodies,)."""
     guess: NDArray[np.float64]
-    """Deepest point of each patch in the tool's frame [m], (bodies, 6, 4, 3); nan if unknown."""
+    """Deepest point of each patch in the tool's frame [m], (bodies, 24, 4, 3); nan if unknown."""
     frame: NDArray[np.float64]
     """The tool's frame in the last tick, (3, 4)."""
     has_frame: NDArray[np.int64]
     """Whether there was a last tick, (1,)."""
     bristle: NDArray[np.float64]
-    """Deflection of each patch's bristle in the body's frame [m], (bodies, 6, 4, 3)."""
+    """Deflection of each patch's bristle in the body's frame [m], (bodies, 24, 4, 3)."""
     in_contact: NDArray[np.bool_]
     """Whether there was contact in any direction, so that MuJoCo's query is not needed; (bodies,).
     """
@@ -45,10 +44,10 @@ def mesh_memory(bodies: int) -> MeshMemory:
     return MeshMemory(
         known=np.zeros(bodies, np.int64),
         way_out=np.zeros(bodies),
-        guess=np.full((bodies, DIRECTIONS, MAX_PARTS, 3), np.nan),
+        guess=np.full((bodies, MAX_DIRECTIONS, MAX_PARTS, 3), np.nan),
         frame=np.zeros((3, 4)),
         has_frame=np.zeros(1, np.int64),
-        bristle=np.zeros((bodies, DIRECTIONS, MAX_PARTS, 3)),
+        bristle=np.zeros((bodies, MAX_DIRECTIONS, MAX_PARTS, 3)),
         in_contact=np.zeros(bodies, np.bool_),
         lists=neighbour_list(bodies),
     )

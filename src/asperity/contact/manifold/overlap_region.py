@@ -23,7 +23,7 @@ from asperity._core.stack import stack_array
 from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS, FacetTable
 from asperity.contact.broad_phase.facet_pairs import MAX_FACET_PAIRS, FacetPairs, facet_pairs
-from asperity.contact.manifold.records import OVERLAP_SUMS
+from asperity.contact.manifold.records import MAX_DIRECTIONS, OVERLAP_SUMS
 
 _CORNERS = 24
 _PARALLEL = 1e-9
@@ -42,7 +42,7 @@ class OverlapRegion(NamedTuple):
     polygon: NDArray[np.float64]
     """Two buffers for a piece, rows x, y, d [m] and the side's owner; (2, corners, 4)."""
     sums: NDArray[np.void]
-    """`OVERLAP_SUMS` of each direction, (6,)."""
+    """`OVERLAP_SUMS` of each direction, (24,)."""
     volumes: NDArray[np.float64]
     """What each pair of facets adds to the `volume` of each direction [m^3], (pairs, 6)."""
     rates: NDArray[np.float64]
@@ -54,7 +54,7 @@ def overlap_region(facets: int) -> OverlapRegion:
     return OverlapRegion(
         facets=facet_pairs(facets),
         polygon=np.zeros((2, _CORNERS, 4)),
-        sums=np.zeros(DIRECTIONS, OVERLAP_SUMS),
+        sums=np.zeros(MAX_DIRECTIONS, OVERLAP_SUMS),
         volumes=np.zeros((MAX_FACET_PAIRS, DIRECTIONS)),
         rates=np.zeros(MAX_FACET_PAIRS),
     )

@@ -21,7 +21,7 @@ def _stiffness_of(table, f, g, parameters):
 
 
 @inner_kernel
-def _volume(region, i):
+def pair_volume(region, i):
     """Return the volume of the piece of pair `i` [m^3]."""
     total = 0.0
     for d in range(region.volumes.shape[1]):
@@ -49,8 +49,17 @@ def least_scale(table, query, usual):
     """
     if not has_map(table, query):
         return 1.0
-    compliance = table.compliance[query.first] + table.compliance[query.second]
+    compliance = table.compliance[query.first, 0] + table.compliance[query.second, 0]
     return 1.0 / math.sqrt(max(usual * compliance, 1.0))
+
+
+@inner_kernel
+def largest_scale(table, query, usual):
+    """Return the largest factor by which a map of stiffness scales a depth, at least 1; else 1."""
+    compliance = table.compliance[query.first, 1] + table.compliance[query.second, 1]
+    if not has_map(table, query) or compliance == 0.0:
+        return 1.0
+    return 1.0 / math.sqrt(min(usual * compliance, 1.0))
 
 
 @inner_kernel
@@ -60,7 +69,7 @@ def contact_properties(table, query, count, parameters, region):
     stiffness = friction = total = 0.0
     if properties_vary(table, query):
         for i in range(count):
-            volume = _volume(region, i)
+            volume = pair_volume(region, i)
             if volume > 0.0:
                 f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
                 own = pair_friction(table.friction[f], table.friction[g], parameters.friction)
@@ -83,7 +92,7 @@ def add_stiffness_rates(table, count, parameters, stiffness, way_out, region):
     """
     total = 0.0
     for i in range(count):
-        total += _volume(region, i)
+        total += pair_volume(region, i)
     if total == 0.0:
         return
     for i in range(count):

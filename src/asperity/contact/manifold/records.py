@@ -12,6 +12,9 @@ from asperity.contact.narrow_phase.records import PENETRATION
 
 MAX_PARTS = 4
 """Parts into which the overlap region of one direction may be split."""
+MAX_DIRECTIONS = 24
+"""Room for the directions in which the tool may leave a body: the six of its axes, or those of two
+polyhedra."""
 MAX_PATCHES = 288
 """Room for the patches of one tick."""
 
@@ -45,12 +48,12 @@ DIRECTION = np.dtype(
     ],
     align=True,
 )
-"""One of the six directions in which the tool may leave a body, in one tick."""
+"""One of the directions in which the tool may leave a body, in one tick."""
 
 MESH_PATCH = np.dtype(
     [
         ("body", "i8"),  # number of the scene body
-        ("direction", "i8"),  # 0 to 5
+        ("direction", "i8"),  # 0 to 23
         ("part", "i8"),  # part of the direction's overlap region, 0 to 3
         ("normal", "f8", 3),  # n, world axes
         ("weight", "f8"),  # share of the body's stiffness

@@ -30,30 +30,35 @@ def fill_polynomial(table, g, i, directions, region, q_out):
 
     It is put together of `region.rates` and of the moments' rates of all directions.
     """
-    o, x, y = table.origin[g], table.axes[g, 0], table.axes[g, 1]
     for k in range(6):
         q_out[k] = 0.0
     q_out[0] = region.rates[i]
     for d in range(DIRECTIONS):
         share, found = table.shares[g, d], directions[d]
-        if share == 0.0 or found.patches == 0:
-            continue
-        q_out[0] += share * found.volume_rate
-        at = 0
-        for a in range(3):
-            first = share * found.first_rate[a]
-            q_out[0] += first * o[a]
-            q_out[1] += first * x[a]
-            q_out[2] += first * y[a]
-            for b in range(a, 3):
-                second = share * found.second_rate[at]
-                at += 1
-                q_out[0] += second * o[a] * o[b]
-                q_out[1] += second * (o[a] * x[b] + x[a] * o[b])
-                q_out[2] += second * (o[a] * y[b] + y[a] * o[b])
-                q_out[3] += second * x[a] * x[b]
-                q_out[4] += second * (x[a] * y[b] + y[a] * x[b])
-                q_out[5] += second * y[a] * y[b]
+        if share != 0.0 and found.patches != 0:
+            add_moment_rates(table, g, share, found, q_out)
+
+
+@inner_kernel
+def add_moment_rates(table, g, share, found, q_io):
+    """Add to q (6,) the rates of a direction by the moments of its region, `share` times."""
+    o, x, y = table.origin[g], table.axes[g, 0], table.axes[g, 1]
+    q_io[0] += share * found.volume_rate
+    at = 0
+    for a in range(3):
+        first = share * found.first_rate[a]
+        q_io[0] += first * o[a]
+        q_io[1] += first * x[a]
+        q_io[2] += first * y[a]
+        for b in range(a, 3):
+            second = share * found.second_rate[at]
+            at += 1
+            q_io[0] += second * o[a] * o[b]
+            q_io[1] += second * (o[a] * x[b] + x[a] * o[b])
+            q_io[2] += second * (o[a] * y[b] + y[a] * o[b])
+            q_io[3] += second * x[a] * x[b]
+            q_io[4] += second * (x[a] * y[b] + y[a] * x[b])
+            q_io[5] += second * y[a] * y[b]
 
 
 @inner_kernel

@@ -6,6 +6,8 @@ world axes.
 
 from __future__ import annotations
 
+import math
+
 from asperity._core.kernels import clear, inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.manifold.support import support
@@ -83,25 +85,68 @@ def fill_gap(geometry, frame_a, frame_b, found):
 def fill_gap_rate(geometry, frame_a, frame_b, found):
     """Fill the rates of g from the direction of a separation and the direction's rates."""
     a, b, n = found.geom_a, found.geom_b, found.normal
-    p, q, turn, omega = stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,))
+    p, q = stack_array((3,)), stack_array((3,))
     support(geometry.kind[a], geometry.size[a], frame_a, n, p)
     support(geometry.kind[b], geometry.size[b], frame_b, n, q)
     for i in range(3):
         q[i] += p[i] - frame_a[i, 3] + frame_b[i, 3]
         # The point of A that counts is opposite to p, and turns with A.
-        p[i] -= frame_a[i, 3]
+        p[i] = frame_a[i, 3] - p[i]
+    fill_rates_of_gap(found, q, p)
+
+
+@inner_kernel
+def fill_rates_of_gap(found, between, arm):
+    """Fill the rates of g of a separation whose direction and its rates are known.
+
+    `between` (3,) leads from A's point of support to B's, `arm` (3,) to A's from the point about
+    which A turns [m].
+    """
+    n, turn, omega = found.normal, stack_array((3,)), stack_array((3,))
     for e in range(6):
         rate = 0.0
         for i in range(3):
-            rate += found.normal_rate[i, e] * q[i]
+            rate += found.normal_rate[i, e] * between[i]
         if e < 3:
             rate -= n[e]
         else:
             fill_unit(e - 3, omega)
-            cross_product(omega, p, turn)
+            cross_product(omega, arm, turn)
             for i in range(3):
-                rate += n[i] * turn[i]
+                rate -= n[i] * turn[i]
         found.gap_rate[e] = rate
+
+
+@inner_kernel
+def fill_cross_rates(one, two, sign, parallel, found):
+    """Fill a direction across an edge along `one` of A and one along `two` of B, and its rates.
+
+    Its share ends where the sine of the angle between the edges goes from three times `parallel` to
+    that. `sign` is 1 for along the cross product, -1 for against it. Returns whether it has any
+    share.
+    """
+    n, across, omega, turn = (
+        found.normal, stack_array((3,)), stack_array((3,)), stack_array((3,)),
+    )  # fmt: skip
+    cross_product(one, two, across)
+    sine = math.sqrt(across[0] * across[0] + across[1] * across[1] + across[2] * across[2])
+    if sine <= parallel:
+        return False
+    for k in range(3):
+        n[k] = sign * across[k] / sine
+    found.share = smooth_step(0.5 * (sine / parallel - 1.0))
+    slope = 0.5 / parallel * smooth_step_slope(0.5 * (sine / parallel - 1.0))
+    for e in range(3):
+        fill_unit(e, omega)
+        cross_product(omega, one, turn)
+        cross_product(turn, two, across)
+        along = 0.0
+        for k in range(3):
+            along += sign * across[k] * n[k]
+        for k in range(3):
+            found.normal_rate[k, 3 + e] = (sign * across[k] - along * n[k]) / sine
+        found.share_rate[3 + e] = slope * along
+    return True
 
 
 @inner_kernel
@@ -145,3 +190,24 @@ def smooth_step_slope(x):
     """Return the derivative of `smooth_step`."""
     x = min(max(x, 0.0), 1.0)
     return 6.0 * x * (1.0 - x)
+
+
+@inner_kernel
+def is_stood_for(rows, first, i, least):
+    """Return whether another direction that has been searched stands for row `i` of a part.
+
+    It counts fully (`response.potential`), and the direction beside it not at all.
+    """
+    found = rows[i]
+    for j in range(first, i):
+        other = rows[j]
+        is_near = other.gap - other.rough <= ABOUT * least
+        is_deep = other.kind < found.kind and other.depth > 0.0
+        if is_deep and is_near and cosine(other, found) >= found.aligned:
+            is_full = True
+            for k in range(first, j):
+                is_beside = rows[k].kind < other.kind and cosine(rows[k], other) > APART
+                is_full = is_full and not is_beside
+            if is_full:
+                return True
+    return False

@@ -16,8 +16,6 @@ offers no way out. So geoms that lie flush are one solid.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from asperity._core.kernels import inner_kernel
@@ -34,10 +32,9 @@ from asperity.contact.manifold.separation import (
     LONGEST,
     begin_separation,
     cosine,
-    cross_product,
+    fill_cross_rates,
     fill_gap,
     fill_gap_rate,
-    fill_unit,
     keep_if_near,
     smooth_step,
     smooth_step_slope,
@@ -45,8 +42,8 @@ from asperity.contact.manifold.separation import (
 )
 from asperity.contact.manifold.support import BOX, CYLINDER, PLANE, support
 
-_CROSSING, _PARALLEL = 0.3, 0.1
-"""Sines of the angle between two edges between which their direction is smoothed out."""
+_PARALLEL = 0.1
+"""Sine of the angle between two edges below which their direction does not count."""
 _EXPOSED = 0.1
 """Cosine to the normal of a covered face at which a direction that leads over it does not count."""
 _GRAIN = 1e-9
@@ -88,40 +85,17 @@ def _add_faces(geometry, pair, kind, frames, rows, count):
 @inner_kernel
 def _add_edges(geometry, pair, frames, floor, rough, rows, count):
     """Add the cross products of the edges of two boxes."""
-    frame_a, frame_b = frames[0], frames[1]
-    c, across, omega, turn = (
-        stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,)),
-    )  # fmt: skip
     for i in range(3):
         for j in range(3):
-            one, two = frame_a[:, i], frame_b[:, j]
-            cross_product(one, two, c)
-            sine = math.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
-            if sine <= _PARALLEL:
-                continue
             for side in range(2):
                 if count + 1 >= rows.size:
                     return count
                 found = rows[count]
                 begin_separation(found, pair, EDGES)
                 sign = 1.0 if side == 1 else -1.0
-                for k in range(3):
-                    found.normal[k] = sign * c[k] / sine
-                n = found.normal
-                found.share = smooth_step((sine - _PARALLEL) / (_CROSSING - _PARALLEL))
-                slope = smooth_step_slope((sine - _PARALLEL) / (_CROSSING - _PARALLEL))
-                for e in range(3):
-                    fill_unit(e, omega)
-                    cross_product(omega, one, turn)
-                    cross_product(turn, two, across)
-                    along = 0.0
-                    for k in range(3):
-                        along += sign * across[k] * n[k]
-                    for k in range(3):
-                        found.normal_rate[k, 3 + e] = (sign * across[k] - along * n[k]) / sine
-                    found.share_rate[3 + e] = slope * along / (_CROSSING - _PARALLEL)
-                fill_gap(geometry, frame_a, frame_b, found)
-                count = keep_if_near(rows, count, floor, rough)
+                if fill_cross_rates(frames[0][:, i], frames[1][:, j], sign, _PARALLEL, found):
+                    fill_gap(geometry, frames[0], frames[1], found)
+                    count = keep_if_near(rows, count, floor, rough)
     return count
 
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
+from asperity.contact.broad_phase.facet_pairs import flattest
 from asperity.contact.narrow_phase.facet_patch import fill_facet_patch
 from asperity.contact.narrow_phase.geom_depth import fill_geom_patches
 from asperity.contact.narrow_phase.incumbent import TIE
 from asperity.contact.narrow_phase.patch_pair import pair_shift
-from asperity.contact.narrow_phase.surface_patch import FLATTEST
 from asperity.contact.narrow_phase.warm_start import ON_BORDER
 
 
@@ -121,10 +121,9 @@ def _faces_direction(table, f, g, n, space):
     for k in range(3):
         along_b += table.axes[g, 2, k] * n[k]
         along_a -= space.region.facets.placed[f].normal[k] * n[k]
+    least = flattest(table, table.body[f], table.body[g])
     # Exact patches of round geoms decide for themselves.
-    return (along_b >= FLATTEST or table.geom[g] >= 0) and (
-        along_a >= FLATTEST or table.geom[f] >= 0
-    )
+    return (along_b >= least or table.geom[g] >= 0) and (along_a >= least or table.geom[f] >= 0)
 
 
 @small_kernel

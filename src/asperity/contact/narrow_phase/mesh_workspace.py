@@ -8,18 +8,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.structures import by_reference
-from asperity.contact.broad_phase.facet_bvh import DIRECTIONS, FacetTable
+from asperity.contact.broad_phase.facet_bvh import FacetTable
+from asperity.contact.broad_phase.polyhedra import MOST_EDGES
 from asperity.contact.manifold.overlap_region import OverlapRegion, overlap_region
-from asperity.contact.manifold.records import DIRECTION, ContactManifold, contact_manifold
+from asperity.contact.manifold.records import (
+    DIRECTION,
+    MAX_DIRECTIONS,
+    OVERLAP_SUMS,
+    ContactManifold,
+    contact_manifold,
+)
 from asperity.contact.manifold.residual import Residuals, residuals
 from asperity.contact.narrow_phase.node_queue import NodeQueue, node_queue
 from asperity.contact.narrow_phase.records import PATCH_SLOT
+from asperity.contact.records import MAX_SEPARATIONS, SEPARATION
 from asperity.contact.response.mesh_way_out import MeshChoices, mesh_choices
+from asperity.contact.response.ways_out import WaysOut, ways_out
 
 MAX_SURFACE_PATCHES = 4096
 """Most surface patches of either body in one query."""
 MAX_CANDIDATES = 32768
 """Most pairs of surface patches in one query."""
+
+
+@by_reference
+class PolyhedronSpace(NamedTuple):
+    """Memory of contact between convex polyhedra."""
+
+    rows: NDArray[np.void]
+    """`SEPARATION` records, B's frame; (separations,)."""
+    used: NDArray[np.int64]
+    """How many of them count, (1,)."""
+    rates: NDArray[np.float64]
+    """Derivative of the way out by the tool's motion with all depths fixed, B's frame, (6,)."""
+    piece: NDArray[np.void]
+    """`OVERLAP_SUMS` of one pair of facets, (1,)."""
+    edges: NDArray[np.float64]
+    """A's edges in B's frame and the normals beside them, (MOST_EDGES, 3, 3)."""
+    ways: WaysOut
+    """Choices of separations."""
+
+
+def polyhedron_space() -> PolyhedronSpace:
+    """Allocate memory for contact between convex polyhedra."""
+    return PolyhedronSpace(
+        rows=np.zeros(MAX_SEPARATIONS, SEPARATION),
+        used=np.zeros(1, np.int64),
+        rates=np.zeros(6),
+        piece=np.zeros(1, OVERLAP_SUMS),
+        edges=np.zeros((MOST_EDGES, 3, 3)),
+        ways=ways_out(MAX_SEPARATIONS),
+    )
 
 
 @by_reference
@@ -37,11 +76,12 @@ class FacetSpace(NamedTuple):
     clock: NDArray[np.int64]
     """Number of the last query, (1,)."""
     directions: NDArray[np.void]
-    """`DIRECTION` records, (6,)."""
+    """`DIRECTION` records, (24,)."""
     residuals: Residuals
     """How much of each direction remains once the tool has left by another."""
     choices: MeshChoices
     """Choices of directions to leave by."""
+    polyhedra: PolyhedronSpace
     way_out: NDArray[np.float64]
     """How far the tool has to move to leave each body [m], (bodies,)."""
     rest: NDArray[np.float64]
@@ -69,9 +109,10 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         geom_slots=np.zeros(geoms, PATCH_SLOT),
         listed=np.zeros(MAX_CANDIDATES, np.int64),
         clock=np.zeros(1, np.int64),
-        directions=np.zeros(DIRECTIONS, DIRECTION),
+        directions=np.zeros(MAX_DIRECTIONS, DIRECTION),
         residuals=residuals(),
         choices=mesh_choices(),
+        polyhedra=polyhedron_space(),
         way_out=np.zeros(len(table.root)),
         rest=np.zeros((len(table.root), 6)),
         spent=np.zeros(1),

@@ -20,6 +20,9 @@ from asperity.contact.narrow_phase.patch_pair import searches_a
 from asperity.contact.narrow_phase.records import BUDGET_SPENT, CERTIFIED
 from asperity.contact.narrow_phase.slope_normal import slope_normal_of_tie
 
+_EQUAL = 1e-15
+"""Difference between two depths that are the same but for rounding [m]."""
+
 
 @inner_kernel
 def search_candidates(textures, stride, count, guess, tolerance, memory):
@@ -84,18 +87,24 @@ def _certain_slope_normal(textures, stride, t, memory, m_out, scratch):
     """Fill m of a tie, if possible a certain one; return whether A's patch was searched.
 
     Where m is uncertain it may be certain for another tie at the same point, as seen from the
-    facet beside it.
+    facet beside it. Of two that are certain and equally deep, as of a corner just over an edge, it
+    is the one that leans less.
     """
     search = memory.search[0]
     tie = search.ties[t]
     is_certain, is_a = slope_normal_of_tie(textures, stride, tie, memory, m_out)
-    for i in range(0 if is_certain else search.tie_count):
+    for i in range(search.tie_count):
         other = search.ties[i]
-        if is_certain or i == t or other.f < search.incumbent - TIE:
+        is_equal = abs(other.f - tie.f) <= _EQUAL and other.pair != tie.pair
+        is_deep = other.f >= search.incumbent - TIE if not is_certain else is_equal
+        if i == t or not is_deep or not _is_same_point(other, tie):
             continue
-        if _is_same_point(other, tie):
-            is_certain, _ = slope_normal_of_tie(textures, stride, other, memory, scratch)
-            for k in range(3 if is_certain else 0):
+        is_other_certain, _ = slope_normal_of_tie(textures, stride, other, memory, scratch)
+        lean = m_out[0] * m_out[0] + m_out[1] * m_out[1]
+        leans_less = scratch[0] * scratch[0] + scratch[1] * scratch[1] < lean
+        if is_other_certain and (leans_less or not is_certain):
+            is_certain = True
+            for k in range(3):
                 m_out[k] = scratch[k]
     return is_a
 

@@ -1,0 +1,310 @@
+"""The contact manifold between two convex polyhedra: one way out, as between geoms.
+
+Every direction (`polyhedron_pair`) leaves all of the other body, so that the way out is the soft
+least of their depths (`response.potential`). A direction has one to four patches, as between other
+meshes: see `directions`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity._core.kernels import clear, inner_kernel
+from asperity._core.records import clear_record, copy_record
+from asperity._core.stack import stack_array
+from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
+from asperity.contact.manifold.directions import search_direction
+from asperity.contact.manifold.overlap_region import add_piece, clip_depth, clip_pair
+from asperity.contact.manifold.polyhedron_pair import (
+    PolyhedronPair,
+    fill_place_of_pair,
+    fill_polyhedron_separations,
+)
+from asperity.contact.manifold.properties import (
+    add_stiffness_rates,
+    has_map,
+    largest_scale,
+    least_scale,
+    properties_vary,
+)
+from asperity.contact.manifold.records import MAX_DIRECTIONS
+from asperity.contact.manifold.region_gradient import add_moment_rates, add_piece_gradient
+from asperity.contact.manifold.separation import (
+    ABOUT,
+    EDGES,
+    FARTHEST,
+    cosine,
+    is_stood_for,
+    smooth_step,
+    smooth_step_slope,
+)
+from asperity.contact.response.potential import fill_potential
+from asperity.contact.response.ways_out import RATIO
+from asperity.geometry.frames import to_world
+
+_LEVER = 0.01
+"""Length by which rotations of the tool are compared to translations [m]."""
+_LONGEST = 1.1
+"""The way out is at most this multiple of the least depth: 1.02 among random polyhedra."""
+_ALL = 1e-6
+"""Share of all facets in the region of a direction."""
+_ASTRAY = math.cos(math.radians(30.0))
+"""Cosine to a direction from which on a facet's normal counts for its region."""
+
+
+@inner_kernel
+def _share(table, g, n):
+    """Return how far facet `g` of B counts for a direction n (3,), and how fast it changes.
+
+    All count a little: on a sharp corner no facet may have a normal near n.
+    """
+    z, along = table.axes[g, 2], 0.0
+    for k in range(3):
+        along += z[k] * n[k]
+    x = (along - _ASTRAY) / (1.0 - _ASTRAY)
+    return smooth_step(x) + _ALL, smooth_step_slope(x) / (1.0 - _ASTRAY)
+
+
+@inner_kernel
+def _piece(table, query, i, region):
+    """Return the piece of a pair of facets: its buffer and its corners."""
+    f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
+    piece = clip_pair(table, f, g, query.raised, query.raised, query.limit, region)
+    return clip_depth(region, piece, query.limit) if piece[1] >= 3 else piece
+
+
+@inner_kernel
+def _fill_region(table, query, count, found, region, sums_out):
+    """Fill the integrals over the region of a separation: of facets with normals near its own.
+
+    Across two edges, and of a sphere, there is one deepest place: that region has no extent.
+    """
+    deepest, at = sums_out.deepest, 0
+    clear_record(sums_out)
+    sums_out.deepest = deepest
+    for i in range(count):
+        piece, g = _piece(table, query, i, region), region.facets.pairs[i, 1]
+        if piece[1] >= 3:
+            share = _share(table, g, found.normal)[0]
+            add_piece(table, g, piece, query.raised, share, region, sums_out)
+    if found.kind >= EDGES:
+        for j in range(3):
+            for k in range(j, 3):
+                moment = sums_out.first_moment[j] * sums_out.first_moment[k] / sums_out.volume
+                sums_out.second_moment[at] = moment
+                at += 1
+
+
+@inner_kernel
+def _by_share(found, sums):
+    """Return the derivative of the way out by the share of a piece with these integrals."""
+    total = found.volume_rate * sums.volume
+    for k in range(3):
+        total += found.first_rate[k] * sums.first_moment[k]
+    for k in range(6):
+        total += found.second_rate[k] * sums.second_moment[k]
+    return total
+
+
+@inner_kernel
+def _free_place(n, directions):
+    """Return which of the unused directions is nearest to n (3,); -1 if all are used.
+
+    Friction and the last deepest place are remembered by its number.
+    """
+    best, most = np.int64(-1), -np.inf
+    for d in range(MAX_DIRECTIONS):
+        along = -2.0  # beyond the six axes, where these are used
+        if d < DIRECTIONS:
+            along = n[d // 2] if d % 2 == 0 else -n[d // 2]
+        if directions[d].patches == 0 and along > most:
+            best, most = d, along
+    return best
+
+
+@inner_kernel
+def _nearest_unknown(rows, used):
+    """Return the row with the least separation of those whose depth is not known; -1 for none."""
+    at = np.int64(-1)
+    for i in range(used):
+        depth = rows[i].depth
+        if depth != depth and (at < 0 or rows[i].gap < rows[at].gap):
+            at = i
+    return at
+
+
+@inner_kernel
+def _simpler(rows, at):
+    """Return a row that may stand for row `at`, whose depth is not known either; else `at`."""
+    found = rows[at]
+    for j in range(at):
+        other, depth = rows[j], rows[j].depth
+        is_near = other.gap - other.rough <= ABOUT * (found.gap + found.rough)
+        is_simpler = depth != depth and other.kind < found.kind and is_near
+        if is_simpler and cosine(other, found) >= found.aligned:
+            return np.int64(j)
+    return at
+
+
+@inner_kernel
+def _keep_those_that_count(rows, used):
+    """Move the rows with a depth to the front; return how many there are."""
+    kept = 0
+    for i in range(used):
+        if rows[i].depth > 0.0:
+            if kept != i:
+                copy_record(rows[kept], rows[i])
+            kept += 1
+    return kept
+
+
+@inner_kernel
+def find_polyhedron_separations(table, query, usual, space):
+    """Fill `space.polyhedra` with the directions in which one polyhedron may leave the other.
+
+    Returns how deep facets have to be looked for [m]: none that overlap more along their own
+    normals decides about a direction that counts. It is 0 where the bodies are apart.
+    """
+    transform, centre = stack_array((3, 4)), stack_array((3,))
+    fill_place_of_pair(query, transform, centre)
+    a, b, rows = query.first, query.second, space.polyhedra.rows
+    rough = max(table.raised[a], table.lowered[a]) + max(table.raised[b], table.lowered[b])
+    wide = largest_scale(table, query, usual) / least_scale(table, query, usual)
+    pair = PolyhedronPair(table.polyhedra, a, b, transform, centre, rough, wide)
+    used, least = fill_polyhedron_separations(pair, space.polyhedra.edges, rows), np.inf
+    space.polyhedra.used[0] = used
+    for i in range(used):
+        least = min(least, rows[i].gap)
+    return _LONGEST * FARTHEST * wide * (least + rough) + rough if used > 0 else 0.0
+
+
+@inner_kernel
+def polyhedron_way_out(model, parameters, query, count, memory, space, workspace):
+    """Return the way out of a convex polyhedron [m]; fill `space.directions`, and their rates.
+
+    Of the separations found before (`find_polyhedron_separations`) those that count are kept.
+
+    Parameters
+    ----------
+    model : MeshModel
+    parameters : ForceParameters
+    query : BodyQuery
+    count : int
+        Number of pairs of facets.
+    memory : MeshMemory
+        Only read.
+    space : FacetSpace
+    workspace : Workspace
+    """
+    table, rows, region = model.facets, space.polyhedra.rows, space.region
+    used, least, rough = space.polyhedra.used[0], np.inf, rows[0].rough
+    nearest, deepest = np.inf, -np.inf
+    soft = least_scale(table, query, parameters.stiffness)
+    for d in range(DIRECTIONS):
+        deepest = max(deepest, region.sums[d].deepest)
+    for d in range(MAX_DIRECTIONS):
+        clear_record(space.directions[d])
+        region.sums[d].deepest = deepest
+    space.polyhedra.used[0] = 0
+    if deepest == -np.inf:  # nor do the facets come near each other
+        return 0.0
+    for i in range(used):
+        rows[i].depth, rows[i].gap_scale = np.nan, soft
+        nearest = min(nearest, (rows[i].gap - rough) * soft)
+    at = _nearest_unknown(rows, used)
+    while at >= 0:
+        at = _simpler(rows, at)
+        found = rows[at]
+        found.depth = -np.inf
+        is_far = (found.gap - rough) * soft >= _LONGEST * FARTHEST * max(least, nearest)
+        if not is_far and not is_stood_for(rows, 0, at, least):
+            d = _free_place(found.normal, space.directions)
+            if d < 0:
+                space.manifold.count[0].dropped += 1
+                break  # all others are farther
+            direction, found.owner = space.directions[d], d
+            for k in range(3):
+                direction.normal[k] = found.normal[k]
+            _fill_region(table, query, count, found, region, region.sums[d])
+            which = (d, count, RATIO * _LONGEST * least, -1)
+            counts = search_direction(model, parameters, query, which, memory, space, workspace)
+            if direction.depth == 0.0 and (least == np.inf or counts):
+                return 0.0
+            if counts:
+                found.depth = direction.depth
+                least = min(least, direction.depth)
+        at = _nearest_unknown(rows, used)
+    used = _keep_those_that_count(rows, used)
+    if used == 0:
+        return 0.0
+    space.polyhedra.used[0] = used
+    way_out = fill_potential(rows, used, 1, _LEVER, space.polyhedra.ways, space.polyhedra.rates)
+    for i in range(used):
+        space.directions[rows[i].owner].rate = rows[i].weight
+    return way_out
+
+
+@inner_kernel
+def _add_region_gradient(table, query, count, centre, space, gradient_io):
+    """Add how the way out changes as pieces of the regions do, and by normals through shares.
+
+    `centre` (3,) is the point about which the tool turns, B's frame [m].
+    """
+    region, q, sums = space.region, stack_array((6,)), space.polyhedra.piece[0]
+    for i in range(count):
+        piece = _piece(table, query, i, region)
+        if piece[1] < 3:
+            continue
+        f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
+        clear(q)
+        q[0] = region.rates[i]
+        clear_record(sums)
+        add_piece(table, g, piece, query.raised, 1.0, region, sums)
+        for j in range(space.polyhedra.used[0]):
+            direction = space.directions[space.polyhedra.rows[j].owner]
+            if direction.volume_rate == 0.0:
+                continue
+            share, slope = _share(table, g, direction.normal)
+            add_moment_rates(table, g, share, direction, q)
+            rate = slope * _by_share(direction, sums)
+            for k in range(3):
+                direction.turn[k] += rate * table.axes[g, 2, k]
+        add_piece_gradient(table, (f, g), piece, query.raised, q, centre, region, gradient_io)
+
+
+@inner_kernel
+def add_polyhedron_rest(table, query, count, parameters, way_out, space, rest_io):
+    """Add the gradient of the way out by all but the depths, world axes; that of k as well.
+
+    See `polyhedron_way_out`; `rest_io` is (6,).
+    """
+    transform, centre, gradient, half = (
+        stack_array((3, 4)), stack_array((3,)), stack_array((6,)), stack_array((3,)),
+    )  # fmt: skip
+    fill_place_of_pair(query, transform, centre)
+    rows, rates, is_split = space.polyhedra.rows, space.region.rates, False
+    for i in range(count):
+        rates[i] = 0.0
+    for e in range(6):
+        gradient[e] = space.polyhedra.rates[e]
+    for j in range(space.polyhedra.used[0]):
+        is_split = is_split or space.directions[rows[j].owner].volume_rate != 0.0
+    varies = properties_vary(table, query) and not has_map(table, query)
+    if varies:
+        stiffness = space.stiffness[query.body]
+        add_stiffness_rates(table, count, parameters, stiffness, way_out, space.region)
+    if is_split or varies:
+        _add_region_gradient(table, query, count, centre, space, gradient)
+    for j in range(space.polyhedra.used[0]):
+        turn = space.directions[rows[j].owner].turn
+        for e in range(6):
+            for k in range(3):
+                gradient[e] += turn[k] * rows[j].normal_rate[k, e]
+    for part in range(2):
+        for k in range(3):
+            half[k] = gradient[3 * part + k]
+        to_world(query.frame_b, half, centre)
+        for k in range(3):
+            rest_io[3 * part + k] += centre[k]
