@@ -417,8 +417,11 @@ def test_the_log_level_stands_anywhere(place, capsys):
     assert "--log-level" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("again", [["--tool", "box:2mm"], ["--tool=box:2mm"]])
-def test_an_option_that_is_given_twice_is_refused(again, capsys, tmp_path):
+@pytest.mark.parametrize("again", [["--tool", "none.obj"], ["--tool=none.obj"]])
+def test_an_option_that_is_given_twice_is_said_to_be(again, capsys, tmp_path):
     """The parser takes the last one, in silence."""
-    assert main(["run", "probe-plate", "--tool", "sphere:3mm", *again, "--out", str(tmp_path)]) == 2
-    assert "--tool is given more than once" in capsys.readouterr().err
+    given = ["--tool", "sphere:3mm", "--target", "box:9mm"]
+    assert main(["run", *given, *again, "--out", str(tmp_path / "out")]) == 2
+    twice, refused_for = capsys.readouterr().err.splitlines()
+    assert twice == "asperity: --tool is given more than once; the last one counts"
+    assert "none.obj" in refused_for

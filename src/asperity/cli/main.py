@@ -171,9 +171,8 @@ def _stopped_by_signals() -> Iterator[None]:
 def _parse(arguments: list[str]) -> Arguments | int:
     """Return the parsed arguments, or an exit code if the parser printed help or an error."""
     options = [word.partition("=")[0] for word in arguments if word.startswith("--")]
-    twice = next((name for name in options if options.count(name) > 1), None)
-    if twice is not None:  # the parser would take the last one, without a word
-        return _refuse(f"{twice} is given more than once; valid: once, with all of its values")
+    for name in {name: None for name in options if options.count(name) > 1}:
+        print(f"asperity: {name} is given more than once; the last one counts", file=sys.stderr)
     message = io.StringIO()
     try:
         with contextlib.redirect_stderr(message):
