@@ -15,6 +15,7 @@ from asperity.contact.narrow_phase.facet_patch import fill_facet_patch
 from asperity.contact.narrow_phase.geom_depth import fill_geom_patches
 from asperity.contact.narrow_phase.incumbent import TIE
 from asperity.contact.narrow_phase.patch_pair import pair_shift
+from asperity.contact.narrow_phase.surface_patch import FLATTEST
 from asperity.contact.narrow_phase.warm_start import ON_BORDER
 
 
@@ -115,6 +116,17 @@ def _patches_of_facet(table, geometry, f, view, made, patches, space):
 
 
 @small_kernel
+def _is_seen(table, f, cosine, least):
+    """Return whether a facet may be searched that faces a direction at this cosine.
+
+    `least` is `flattest` of the bodies, for facets without a texture.
+    """
+    # Exact patches of round geoms decide for themselves.
+    is_smooth = table.top[f] == 0.0
+    return cosine >= FLATTEST or (is_smooth and cosine >= least) or table.geom[f] >= 0
+
+
+@small_kernel
 def _faces_direction(table, f, g, n, space):
     """Return whether both facets of a pair face the direction n (B's frame)."""
     along_a = along_b = 0.0
@@ -122,8 +134,7 @@ def _faces_direction(table, f, g, n, space):
         along_b += table.axes[g, 2, k] * n[k]
         along_a -= space.region.facets.placed[f].normal[k] * n[k]
     least = flattest(table, table.body[f], table.body[g])
-    # Exact patches of round geoms decide for themselves.
-    return (along_b >= least or table.geom[g] >= 0) and (along_a >= least or table.geom[f] >= 0)
+    return _is_seen(table, f, along_a, least) and _is_seen(table, g, along_b, least)
 
 
 @small_kernel
