@@ -1,8 +1,8 @@
 """Convex bodies of few plane faces: their corners, faces and edges.
 
 Two convex polyhedra can leave each other along the normal of a face of either, or across an edge of
-each (`manifold.polyhedron_pair`). A body whose facets lie in many planes, as a ball of triangles,
-is none: for such a body the mean normal of the overlap is close to the best direction.
+each (`manifold.polyhedron_pair`). A body whose facets lie in many planes is none, but a sphere, or
+a mesh of one, may be what meets a polyhedron.
 """
 
 from __future__ import annotations

@@ -374,7 +374,7 @@ def fill_polyhedron_separations(pair, edges, rows):
     aligned = max(ALONG, steep / math.sqrt(1.0 + steep * steep))
     for i in range(count):
         found = rows[i]
-        if found.gap - rough >= min(floor, LONGEST * FARTHEST * pair.wide * (least + rough)):
+        if found.gap - rough >= LONGEST * FARTHEST * pair.wide * (least + rough):
             continue
         found.aligned = aligned
         _support_of_b(pair, found.normal, q)
