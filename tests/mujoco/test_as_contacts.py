@@ -138,6 +138,41 @@ def test_a_cube_rests(pair):
     assert float(np.linalg.norm(data.qvel)) < 1e-4  # it does not rock
 
 
+LEAPT = [
+    [
+        0.0003526982119538221, -0.0005864604330255437, 0.021338231446958192,
+        0.9929737397583762, 0.01338856809656543, -0.008164208624414521, 0.11729127884086313,
+    ],
+    [
+        0.0003526984327485792, -0.0005864603732071835, 0.021338231445508997,
+        0.9929737397960338, 0.01338856742462453, -0.008164203891295107, 0.1172912789282146,
+    ],
+    [
+        0.00035269909502977695, -0.0005864601939129747, 0.021338231441164656,
+        0.9929737399089956, 0.013388565412274993, -0.008164189694589605, 0.11729127918977715,
+    ],
+]  # fmt: skip
+
+
+def test_contacts_of_a_tilted_cube_do_not_leap():
+    # Across an edge at the plate's rim the budget is spent: 0.01, 0.12 and 0.26 mm were found here.
+    model = mujoco.MjModel.from_xml_string(
+        PLATE.format(
+            bodies='<body name="cube" pos="0 0 .0206"><freejoint/>'
+            '<geom name="cube" type="box" size=".02 .02 .02" mass=".1"/></body>'
+        )
+    )
+    found = []
+    for pose in LEAPT:
+        data = mujoco.MjData(model)
+        data.qpos[:] = pose
+        textured.attach(model, {"plate": ROUGH, "geom:cube": ROUGH}).forward(data)
+        found.append(data.contact.dist.copy())
+    assert len(found[0]) > 0
+    assert all(len(dist) == len(found[0]) for dist in found)
+    assert np.abs(np.array(found) - found[0]).max() < 1e-7
+
+
 def test_what_rests_slides_when_it_is_pushed_and_rests_again():
     cube = (
         '<body name="cube" pos="0 0 .0206"><freejoint/>'

@@ -130,12 +130,34 @@ def _patch_radius(model, parameters, query):
 
 
 @inner_kernel
+def _fill_guesses(query, d, memory, manifold, guess_out):
+    """Fill where to look first for the deepest points of direction `d`, A's frame (4, 3) [m].
+
+    Where nothing is known from the last tick, it is the deepest point of the directions that have
+    been searched in this one: in two rough bodies a search without a start may spend its budget far
+    from the deepest place, and the least of the depths would be that of the worst search.
+    """
+    deepest, at = 0.0, np.int64(-1)
+    for p in range(manifold.count[0].patches):
+        depth = manifold.result[p].depth
+        if manifold.patches[p].body == query.body and depth > deepest:
+            deepest, at = depth, p
+    for part in range(MAX_PARTS):
+        for k in range(3):
+            guess_out[part, k] = memory.guess[query.body, d, part, k]
+            if at >= 0 and guess_out[part, k] != guess_out[part, k]:
+                guess_out[part, k] = manifold.patches[at].guess[k]
+
+
+@inner_kernel
 def _search_patches(model, parameters, query, which, memory, space, workspace):
     """Search the patches of a direction, appended to the manifold; return how many there are."""
     d, count, ceiling, of = which
     scene, manifold = model.scene, space.manifold
     direction, frame = space.directions[d], workspace.frame
     n, world, local = stack_array((3,)), stack_array((3,)), stack_array((3, 3))
+    guess = stack_array((4, 3))
+    _fill_guesses(query, d, memory, manifold, guess)
     for k in range(3):
         n[k] = direction.normal[k]
     # The axes turn with B, so that a region is split the same way wherever B is.
@@ -152,7 +174,7 @@ def _search_patches(model, parameters, query, which, memory, space, workspace):
     tolerance = depth_tolerance(scene.textures, scene.geometry, surfaces, parameters.tolerance)
     region = SplitRegion(
         space.region.sums[d], local[0], local[1], _patch_radius(model, parameters, query), ceiling,
-        memory.guess[query.body, d],
+        guess,
     )  # fmt: skip
     # A deep pose has many directions to search: together they get twice the budget of one.
     left = max(_SEARCHES * parameters.max_nodes - space.spent[0], _LEAST * parameters.max_nodes)
