@@ -110,7 +110,7 @@ ON = {
     "waves": (WAVY, None, 0),
     "knurl on knurl": (textured.pattern("knurl", pitch=2e-3),) * 2 + (0,),
     "rough on rough": (ROUGH, ROUGH, 0),
-    "rough on rough, turned": (ROUGH, ROUGH, 17),
+    **{f"rough on rough, turned by {yaw}": (ROUGH, ROUGH, yaw) for yaw in (17, 27, 44, 65)},
     "dots": (textured.pattern("jittered_dots"), None, 45),
     "rough on stripes": (textured.pattern("stripes"), ROUGH, 0),
     "brushed on rough": (ROUGH, textured.pattern("brushed"), 0),

@@ -8,7 +8,8 @@ divided between their places, in proportion to the depths; those that slip are n
 
 Yet a body may go on rocking by micrometres, from one set of places to another. Once it has not
 left its place for a while it lies on constant springs at the places that are remembered then, on
-which it comes to rest, until it moves on or the search finds another force.
+which it comes to rest, until it moves on. Their force follows that of the search slowly, so that
+the body comes to rest at the depth that was searched.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ _WHILE = 0.05
 """Time after which a body that has not left its place lies on constant springs [s]."""
 _HELD = 3.0
 """How much farther than others these may slip, so that settling does not end them."""
-_OTHER = 0.5
-"""Difference between their force and that of the search, relative to it, from which they end."""
+_FOLLOW = 0.05
+"""Time in which their force follows that of the search [s]."""
 
 
 @by_reference
@@ -110,9 +111,9 @@ def _along_and_across(moved, m):
 def _carry_on(memory, pose, is_at_rest):
     """Carry the depths of remembered places on to a pose (3, 4) of the tool; drop what is old.
 
-    Returns whether none was dropped.
+    Returns whether none was dropped; at rest one that bears nothing may be.
     """
-    kept, count = 0, memory.count[0]
+    kept, are_all = 0, True
     reach, moved = memory.reach[0] * (_HELD if is_at_rest else 1.0), stack_array((3,))
     for i in range(memory.count[0]):
         for k in range(3):
@@ -123,21 +124,19 @@ def _carry_on(memory, pose, is_at_rest):
         along, slip = _along_and_across(moved, memory.slope_normal[i])
         present = memory.depth[i] - along
         if slip > reach * reach or present < -_LIFT:
+            are_all = are_all and (is_at_rest and present < 0.0)
             continue
         if kept != i:
             _copy(memory, i, kept)
         memory.present[kept], memory.contact[kept], memory.is_fresh[kept] = present, -1, False
         kept += 1
     memory.count[0] = kept
-    return kept == count
+    return are_all
 
 
 @inner_kernel
-def _renew(memory, contacts, c, pose):
-    """Remember the place of contact `c`, instead of one that is near; of the nearest without room.
-
-    Places all over the body stay so, and it is borne wherever it rocks to.
-    """
+def _nearest(memory, contacts, c):
+    """Return the remembered place nearest to contact `c`, and its distance squared [m^2]."""
     count, nearest, best = memory.count[0], -1, np.inf
     for i in range(count):
         if memory.is_fresh[i]:
@@ -147,6 +146,16 @@ def _renew(memory, contacts, c, pose):
             far += (memory.now[i, k] - contacts.point[c, k]) ** 2
         if far < best:
             nearest, best = i, far
+    return nearest, best
+
+
+@inner_kernel
+def _renew(memory, contacts, c, pose):
+    """Remember the place of contact `c`, instead of one that is near; of the nearest without room.
+
+    Places all over the body stay so, and it is borne wherever it rocks to.
+    """
+    count, (nearest, best) = memory.count[0], _nearest(memory, contacts, c)
     at = count
     if best < memory.reach[1] ** 2 or count == memory.depth.size:
         at = nearest
@@ -240,14 +249,36 @@ def _wait(memory, pose, dt):
 
 
 @inner_kernel
-def _holds(memory, contacts):
-    """Return whether the springs at the places have about the force that the search finds."""
-    given = wanted = 0.0
-    for c in range(contacts.count[0]):
-        wanted += contacts.weight[c] * contacts.depth[c]
+def _bears(memory):
+    """Return whether the springs bear the body: one of their places is deep."""
+    is_deep = False
+    for i in range(memory.count[0]):
+        is_deep = is_deep or memory.present[i] > 0.0
+    return is_deep
+
+
+@inner_kernel
+def _follow(memory, contacts, pose, dt):
+    """Let constant springs follow the search slowly, so that nothing kicks the body.
+
+    A place that the search finds where none is remembered bears as soon as the body sinks on it.
+    """
+    given = wanted = total = 0.0
     for i in range(memory.count[0]):
         given += memory.share[i] * max(memory.present[i], 0.0)
-    return abs(given - wanted) < _OTHER * wanted
+        total += memory.share[i]
+    for c in range(contacts.count[0]):
+        wanted += contacts.weight[c] * contacts.depth[c]
+        _, best = _nearest(memory, contacts, c)
+        at = memory.count[0]
+        if best >= memory.reach[1] ** 2 and 0 < at < memory.depth.size:
+            _renew(memory, contacts, c, pose)
+            memory.depth[at] = memory.present[at] = 0.0
+            memory.is_fresh[at], memory.share[at] = False, memory.share[0]
+    for i in range(memory.count[0] if total > 0.0 else 0):
+        rise = min(dt / _FOLLOW, 1.0) * (wanted - given) / total
+        memory.depth[i] += rise
+        memory.present[i] += rise
 
 
 @inner_kernel
@@ -267,11 +298,12 @@ def recall(memory, contacts, pose, dt):
     """
     is_at_rest = memory.still[0] >= _WHILE
     are_all = _carry_on(memory, pose, is_at_rest)
-    if is_at_rest and not (are_all and _holds(memory, contacts)):
+    if is_at_rest and not (are_all and _bears(memory)):
         is_at_rest, memory.still[0] = False, 0.0
     elif not is_at_rest:
         is_at_rest = _wait(memory, pose, dt)
     if is_at_rest:
+        _follow(memory, contacts, pose, dt)
         return True
     for c in range(contacts.count[0]):
         _renew(memory, contacts, c, pose)
