@@ -138,6 +138,32 @@ def test_a_cube_rests(pair):
     assert float(np.linalg.norm(data.qvel)) < 1e-4  # it does not rock
 
 
+@pytest.mark.parametrize(
+    ("pair", "yaw", "tilt"),
+    [
+        ("waves", 37, 0), ("knurl on knurl", 3, 0), ("knurl on knurl", 52, 35), ("dots", 37, 0),
+        ("rough on stripes", 3, 35), ("brushed on rough", 52, 0),
+    ],
+)  # fmt: skip
+def test_what_is_dropped_gains_no_energy(pair, yaw, tilt):
+    plate, own, _ = ON[pair]
+    slab = (
+        f'<body name="slab" pos=".0007 0 .04" euler="{tilt} 20 {yaw}"><freejoint/>'
+        '<geom name="cube" type="box" size=".03 .012 .006" mass=".1"/></body>'
+    )
+    model = mujoco.MjModel.from_xml_string(PLATE.format(bodies=slab))
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    data = mujoco.MjData(model)
+    surfaces = textured.attach(model, {"plate": plate} | ({"geom:cube": own} if own else {}))
+    lowest, energies = 0.1 * 9.81 * 0.006, []  # it cannot be lower than flat on the plate
+    for _ in range(400):
+        surfaces.step(data)
+        mujoco.mj_energyPos(model, data)
+        mujoco.mj_energyVel(model, data)
+        energies.append(float(data.energy.sum()) - lowest)
+    assert max(energies[60:]) < energies[0]  # it has met the plate by then
+
+
 LEAPT = [
     [
         0.0003526982119538221, -0.0005864604330255437, 0.021338231446958192,
