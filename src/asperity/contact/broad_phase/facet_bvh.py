@@ -157,14 +157,8 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
     raised, lowered = _heights(textures, geometry, len(bodies))
     rows, count_rows = _rows(facets)
     low, high, child, first, last = (np.concatenate(part) for part in zip(*trees, strict=True))
-    solids = polyhedra(
-        [
-            part if np.all(own < 0) else taken(part, np.zeros(0, np.int64))
-            for part, own in zip(sets, geoms, strict=True)
-        ],
-        steepness(textures, geometry, len(bodies)),
-        bodies,
-    )
+    is_plane = [bool(np.all(own < 0)) for own in geoms]
+    solids = polyhedra(sets, is_plane, steepness(textures, geometry, len(bodies)), bodies)
     return FacetTable(
         points=facets.points, sides=facets.sides, origin=facets.origin, axes=facets.axes,
         corners=facets.corners, half=facets.half, rows=rows, count_rows=count_rows,

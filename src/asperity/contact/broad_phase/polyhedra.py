@@ -53,22 +53,36 @@ class Polyhedra(NamedTuple):
     """Row of each body's first corner, and the number of all; (bodies + 1,)."""
     first_face: NDArray[np.int64]
     first_edge: NDArray[np.int64]
+    face_of: NDArray[np.int64]
+    """Row of the face that each facet of the table lies in, -1 for none; (facets,)."""
     steepness: Array
     """Bound of the slopes of a body's textures [-], (bodies,)."""
     ball: Array
     """Centre and radius of a body that is a sphere [m], (bodies, 4); the radius of others is 0."""
 
 
-def polyhedra(facets: list[Facets], slopes: Array, bodies: Sequence[Body]) -> Polyhedra:
-    """Collect the polyhedra among bodies of these facets; `slopes` (bodies,) bounds slopes."""
-    parts = [_polyhedron(each) for each in facets]
+def polyhedra(
+    facets: list[Facets], is_plane: Sequence[bool], slopes: Array, bodies: Sequence[Body]
+) -> Polyhedra:
+    """Collect the polyhedra among bodies of these facets, whose geoms are all plane or not.
+
+    `slopes` (bodies,) bounds the slopes of their textures.
+    """
+    parts = [
+        _polyhedron(each) if plane else _none(each)
+        for each, plane in zip(facets, is_plane, strict=True)
+    ]
     corners, normals, along, beside, end = (
         np.concatenate([part[i] for part in parts]) for i in range(5)
     )
     first = [np.cumsum([0, *(len(part[i]) for part in parts)]) for i in range(3)]
     ball = np.array([_ball(*each) for each in zip(bodies, facets, strict=True)])
+    face_of = np.concatenate([
+        np.where(part[5] < 0, -1, part[5] + before)
+        for part, before in zip(parts, first[1][:-1], strict=True)
+    ])  # fmt: skip
     return Polyhedra(
-        corners, normals, along, beside, end, first[0], first[1], first[2], slopes, ball
+        corners, normals, along, beside, end, first[0], first[1], first[2], face_of, slopes, ball
     )
 
 
@@ -105,34 +119,41 @@ def steepness(textures: PackedTextures, geometry: Geometry, bodies: int) -> Arra
     return out
 
 
-_Parts = tuple[Array, Array, Array, Array, Array]
+_Parts = tuple[Array, Array, Array, Array, Array, NDArray[np.int64]]
+
+
+def _none(facets: Facets) -> _Parts:
+    """Return what `_polyhedron` does for a body that is none."""
+    face_of = np.full(len(facets), -1)
+    return (*np.zeros((3, 0, 3)), np.zeros((0, 2, 3)), np.zeros((0, 3)), face_of)
 
 
 def _polyhedron(facets: Facets) -> _Parts:
-    """Return corners, normals, edges, normals beside them and ends; none of many faces."""
-    none = (*np.zeros((3, 0, 3)), np.zeros((0, 2, 3)), np.zeros((0, 3)))
+    """Return corners, normals, edges, normals beside them and ends, and each facet's face."""
     if len(facets) < 4:
-        return none
+        return _none(facets)
     there = np.arange(facets.points.shape[1]) < facets.sides[:, None]
     size = float(np.ptp(facets.points[there], axis=0).max())
     offset = np.einsum("ij,ij->i", facets.origin, facets.axes[:, 2]) / size
-    waiting, planes = np.column_stack([facets.axes[:, 2], offset]), []
-    while len(waiting):
-        planes.append(waiting[0])
-        if len(planes) > MOST_FACES:
-            return none
-        off = np.abs(waiting - waiting[0])
+    all_planes, face_of = np.column_stack([facets.axes[:, 2], offset]), np.full(len(facets), -1)
+    planes: list[Array] = []
+    while (face_of < 0).any():
+        plane = all_planes[np.argmax(face_of < 0)]
+        if len(planes) == MOST_FACES:
+            return _none(facets)
+        off = np.abs(all_planes - plane)
         is_same = (off[:, :3].max(axis=1) <= _SAME_NORMAL) & (off[:, 3] <= _SAME_PLACE)
-        waiting = waiting[~is_same]
+        face_of[is_same & (face_of < 0)] = len(planes)
+        planes.append(plane)
     normals = np.array(planes)[:, :3]
     corners = _distinct(facets.points[there], size)
     over = corners @ normals.T - size * np.array(planes)[:, 3]
     if over.max() > _SAME_PLACE * size or not _is_closed(facets):
-        return none
+        return _none(facets)
     along, beside, end = _edges(corners, normals, np.abs(over) <= _SAME_PLACE * size)
     if len(along) > MOST_EDGES:
-        return none
-    return corners, normals, along, beside, end
+        return _none(facets)
+    return corners, normals, along, beside, end, face_of
 
 
 def _distinct(points: Array, size: float) -> Array:

@@ -55,14 +55,12 @@ _ASTRAY = math.cos(math.radians(30.0))
 
 
 @inner_kernel
-def _share(table, g, n):
-    """Return how far facet `g` of B counts for a direction n (3,), and how fast it changes.
+def _share(z, n):
+    """Return how far a face of B, normal z (3,), counts for a direction n (3,), and its slope.
 
-    All count a little: on a sharp corner no facet may have a normal near n.
+    All count a little: on a sharp corner no face may have a normal near n.
     """
-    z, along = table.axes[g, 2], 0.0
-    for k in range(3):
-        along += z[k] * n[k]
+    along = z[0] * n[0] + z[1] * n[1] + z[2] * n[2]
     x = (along - _ASTRAY) / (1.0 - _ASTRAY)
     return smooth_step(x) + _ALL, smooth_step_slope(x) / (1.0 - _ASTRAY)
 
@@ -76,19 +74,37 @@ def _piece(table, query, i, region):
 
 
 @inner_kernel
-def _fill_region(table, query, count, found, region, sums_out):
-    """Fill the integrals over the region of a separation: of facets with normals near its own.
-
-    Across two edges, and of a sphere, there is one deepest place: that region has no extent.
-    """
-    deepest, at = sums_out.deepest, 0
-    clear_record(sums_out)
-    sums_out.deepest = deepest
+def _fill_faces(table, query, count, region, faces_out):
+    """Fill the integrals over the pieces on each face of B."""
+    solids = table.polyhedra
+    first = solids.first_face[query.second]
+    for j in range(solids.first_face[query.second + 1] - first):
+        clear_record(faces_out[j])
     for i in range(count):
         piece, g = _piece(table, query, i, region), region.facets.pairs[i, 1]
         if piece[1] >= 3:
-            share = _share(table, g, found.normal)[0]
-            add_piece(table, g, piece, query.raised, share, region, sums_out)
+            sums = faces_out[solids.face_of[g] - first]
+            add_piece(table, g, piece, query.raised, 1.0, region, sums)
+
+
+@inner_kernel
+def _fill_region(table, query, found, faces, sums_out):
+    """Fill the integrals over the region of a separation: of faces with normals near its own.
+
+    Across two edges, and of a sphere, there is one deepest place: that region has no extent.
+    """
+    solids, deepest, at = table.polyhedra, sums_out.deepest, 0
+    first = solids.first_face[query.second]
+    clear_record(sums_out)
+    sums_out.deepest = deepest
+    for j in range(solids.first_face[query.second + 1] - first):
+        share, sums = _share(solids.normals[first + j], found.normal)[0], faces[j]
+        sums_out.volume += share * sums.volume
+        for k in range(3):
+            sums_out.first_moment[k] += share * sums.first_moment[k]
+            sums_out.normal[k] += share * sums.normal[k]
+        for k in range(6):
+            sums_out.second_moment[k] += share * sums.second_moment[k]
     if found.kind >= EDGES:
         for j in range(3):
             for k in range(j, 3):
@@ -99,7 +115,7 @@ def _fill_region(table, query, count, found, region, sums_out):
 
 @inner_kernel
 def _by_share(found, sums):
-    """Return the derivative of the way out by the share of a piece with these integrals."""
+    """Return the derivative of the way out by the share of a face with these integrals."""
     total = found.volume_rate * sums.volume
     for k in range(3):
         total += found.first_rate[k] * sums.first_moment[k]
@@ -213,6 +229,7 @@ def polyhedron_way_out(model, parameters, query, count, memory, space, workspace
     for i in range(used):
         rows[i].depth, rows[i].gap_scale = np.nan, soft
         nearest = min(nearest, (rows[i].gap - rough) * soft)
+    _fill_faces(table, query, count, region, space.polyhedra.faces)
     at = _nearest_unknown(rows, used)
     while at >= 0:
         at = _simpler(rows, at)
@@ -227,7 +244,7 @@ def polyhedron_way_out(model, parameters, query, count, memory, space, workspace
             direction, found.owner = space.directions[d], d
             for k in range(3):
                 direction.normal[k] = found.normal[k]
-            _fill_region(table, query, count, found, region, region.sums[d])
+            _fill_region(table, query, found, space.polyhedra.faces, region.sums[d])
             which = (d, count, RATIO * _LONGEST * least, -1)
             counts = search_direction(model, parameters, query, which, memory, space, workspace)
             if direction.depth == 0.0 and (least == np.inf or counts):
@@ -247,12 +264,28 @@ def polyhedron_way_out(model, parameters, query, count, memory, space, workspace
 
 
 @inner_kernel
+def _turn_shares(table, query, space):
+    """Add how the way out changes as directions turn, and the shares of B's faces with them."""
+    solids, faces = table.polyhedra, space.polyhedra.faces
+    first = solids.first_face[query.second]
+    for j in range(space.polyhedra.used[0]):
+        direction = space.directions[space.polyhedra.rows[j].owner]
+        if direction.volume_rate == 0.0:
+            continue
+        for f in range(solids.first_face[query.second + 1] - first):
+            z = solids.normals[first + f]
+            rate = _share(z, direction.normal)[1] * _by_share(direction, faces[f])
+            for k in range(3):
+                direction.turn[k] += rate * z[k]
+
+
+@inner_kernel
 def _add_region_gradient(table, query, count, centre, space, gradient_io):
-    """Add how the way out changes as pieces of the regions do, and by normals through shares.
+    """Add how the way out changes as pieces of the regions do.
 
     `centre` (3,) is the point about which the tool turns, B's frame [m].
     """
-    region, q, sums = space.region, stack_array((6,)), space.polyhedra.piece[0]
+    region, q = space.region, stack_array((6,))
     for i in range(count):
         piece = _piece(table, query, i, region)
         if piece[1] < 3:
@@ -260,17 +293,11 @@ def _add_region_gradient(table, query, count, centre, space, gradient_io):
         f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
         clear(q)
         q[0] = region.rates[i]
-        clear_record(sums)
-        add_piece(table, g, piece, query.raised, 1.0, region, sums)
         for j in range(space.polyhedra.used[0]):
             direction = space.directions[space.polyhedra.rows[j].owner]
-            if direction.volume_rate == 0.0:
-                continue
-            share, slope = _share(table, g, direction.normal)
-            add_moment_rates(table, g, share, direction, q)
-            rate = slope * _by_share(direction, sums)
-            for k in range(3):
-                direction.turn[k] += rate * table.axes[g, 2, k]
+            if direction.volume_rate != 0.0:
+                share = _share(table.axes[g, 2], direction.normal)[0]
+                add_moment_rates(table, g, share, direction, q)
         add_piece_gradient(table, (f, g), piece, query.raised, q, centre, region, gradient_io)
 
 
@@ -295,6 +322,8 @@ def add_polyhedron_rest(table, query, count, parameters, way_out, space, rest_io
     if varies:
         stiffness = space.stiffness[query.body]
         add_stiffness_rates(table, count, parameters, stiffness, way_out, space.region)
+    if is_split:
+        _turn_shares(table, query, space)
     if is_split or varies:
         _add_region_gradient(table, query, count, centre, space, gradient)
     for j in range(space.polyhedra.used[0]):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import FacetTable
-from asperity.contact.broad_phase.polyhedra import MOST_EDGES
+from asperity.contact.broad_phase.polyhedra import MOST_EDGES, MOST_FACES
 from asperity.contact.manifold.overlap_region import OverlapRegion, overlap_region
 from asperity.contact.manifold.records import (
     DIRECTION,
@@ -41,8 +41,8 @@ class PolyhedronSpace(NamedTuple):
     """How many of them count, (1,)."""
     rates: NDArray[np.float64]
     """Derivative of the way out by the tool's motion with all depths fixed, B's frame, (6,)."""
-    piece: NDArray[np.void]
-    """`OVERLAP_SUMS` of one pair of facets, (1,)."""
+    faces: NDArray[np.void]
+    """`OVERLAP_SUMS` of each face of B, (MOST_FACES,)."""
     edges: NDArray[np.float64]
     """A's edges in B's frame and the normals beside them, (MOST_EDGES, 3, 3)."""
     ways: WaysOut
@@ -55,7 +55,7 @@ def polyhedron_space() -> PolyhedronSpace:
         rows=np.zeros(MAX_SEPARATIONS, SEPARATION),
         used=np.zeros(1, np.int64),
         rates=np.zeros(6),
-        piece=np.zeros(1, OVERLAP_SUMS),
+        faces=np.zeros(MOST_FACES, OVERLAP_SUMS),
         edges=np.zeros((MOST_EDGES, 3, 3)),
         ways=ways_out(MAX_SEPARATIONS),
     )
