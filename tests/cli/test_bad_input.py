@@ -359,7 +359,7 @@ def test_signals_leave_nothing(name, capsys, tmp_path, monkeypatch):
         assert signal.getsignal(number) == usual
     finally:
         signal.signal(number, outside)
-    assert capsys.readouterr().err == "asperity: interrupted; nothing was written\n"
+    assert capsys.readouterr().err == "asperity: interrupted; nothing unfinished was kept\n"
     assert everything(tmp_path) == {}
 
 

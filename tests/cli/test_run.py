@@ -222,7 +222,7 @@ def test_an_interrupted_run_leaves_nothing(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(Simulation, "step", stop)
     assert main(["run", "probe-plate", *QUICK, "--out", str(tmp_path / "out")]) == 130
-    assert "nothing was written" in capsys.readouterr().err
+    assert "nothing unfinished was kept" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

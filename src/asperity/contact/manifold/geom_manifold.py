@@ -10,7 +10,7 @@ from asperity._core.kernels import inner_kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.body_arrays import pair_friction, pair_stiffness
-from asperity.contact.manifold.separation import ALONG, fill_geom_frame, is_same_way
+from asperity.contact.manifold.separation import aligned_on, fill_geom_frame, is_same_way
 from asperity.contact.manifold.separations import fill_separations
 
 _SAME_PATCH = 0.5
@@ -58,11 +58,8 @@ def _relief(textures, geometry, pair):
 
 
 @inner_kernel
-def _least_cosine(textures, geometry, pair):
-    """Return the cosine between two directions from which on their depths are about the same.
-
-    On slopes of up to m they differ by less than a sixth while the tangent is below 1 / (6 m).
-    """
+def _steepness(textures, geometry, pair):
+    """Return a bound of the slopes of both textures together [-]."""
     steep = 0.0
     for g in (pair.geom_a, pair.geom_b):
         texture = geometry.texture[geometry.surface[g]]
@@ -70,7 +67,7 @@ def _least_cosine(textures, geometry, pair):
             # Landau's inequality: a height within h whose curvature is at most c.
             found = textures.maps[texture]
             steep += math.sqrt(2.0 * found.max_abs_height * found.max_curvature)
-    return max(ALONG, 6.0 * steep / math.sqrt(1.0 + 36.0 * steep * steep))
+    return steep
 
 
 @inner_kernel
@@ -141,7 +138,7 @@ def find_parts(textures, geometry, frames, centre, parameters, memory):
         stiffness = pair_stiffness(low_a, low_b, parameters.stiffness)
         # A way out where a map is stiff may be as long as a farther one where it is soft.
         wide = math.sqrt(pair_stiffness(high_a, high_b, parameters.stiffness) / stiffness)
-        aligned = _least_cosine(textures, geometry, pair)
+        aligned = aligned_on(_steepness(textures, geometry, pair))
         count = fill_separations(geometry, pair, frame, (rough, aligned), wide, rows)
         friction = pair_friction(
             geometry.friction[one], geometry.friction[two], parameters.friction

@@ -21,13 +21,13 @@ from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_pairs import relative_transform
 from asperity.contact.broad_phase.polyhedra import Polyhedra
 from asperity.contact.manifold.separation import (
-    ALONG,
     CURVED,
     EDGES,
     FACE_A,
     FACE_B,
     FARTHEST,
     LONGEST,
+    aligned_on,
     cross_product,
     fill_cross_rates,
     fill_rates_of_gap,
@@ -370,8 +370,7 @@ def fill_polyhedron_separations(pair, edges, rows):
     if least + rough <= 0.0:
         return np.int64(0)
     shapes, kept, p, q = pair.shapes, np.int64(0), stack_array((3,)), stack_array((3,))
-    steep = 6.0 * (shapes.steepness[pair.first] + shapes.steepness[pair.second])
-    aligned = max(ALONG, steep / math.sqrt(1.0 + steep * steep))
+    aligned = aligned_on(shapes.steepness[pair.first] + shapes.steepness[pair.second])
     for i in range(count):
         found = rows[i]
         if found.gap - rough >= LONGEST * FARTHEST * pair.wide * (least + rough):

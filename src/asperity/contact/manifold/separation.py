@@ -149,6 +149,16 @@ def fill_cross_rates(one, two, sign, parallel, found):
     return True
 
 
+@small_kernel
+def aligned_on(steep):
+    """Return the cosine between two directions from which on their depths are about the same.
+
+    On slopes of up to m, `steep`, they differ by less than a sixth while the tangent of the angle
+    between the directions is below 1 / (6 m).
+    """
+    return max(ALONG, 6.0 * steep / math.sqrt(1.0 + 36.0 * steep * steep))
+
+
 @inner_kernel
 def begin_separation(found, pair, kind):
     """Set a separation to one that does not turn with the tool."""
