@@ -1,5 +1,6 @@
 """What is left out when kernels are compiled does not change what they compute."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -132,3 +133,23 @@ def test_inner_kernels_come_from_the_cache_for_others_and_their_errors_with_them
 def test_another_version_of_numba_compiles_with_its_own():
     assert compilers("0.68.9") == (KernelCompiler, InnerCompiler)
     assert compilers("0.99.0") == compilers("0.6") == (Compiler, Compiler)
+
+
+@pytest.mark.parametrize("is_frozen", [False, True])
+def test_garbage_is_collected_again_after_a_kernel(is_frozen):
+    # Objects that a program has frozen stay so.
+    if is_frozen:
+        gc.freeze()
+    try:
+        kept = 0.9 * gc.get_freeze_count()
+
+        @kernel
+        def doubled(x):
+            return 2.0 * x
+
+        assert doubled(2.0) == 4.0
+        assert gc.isenabled()
+        assert gc.get_freeze_count() >= kept
+        assert is_frozen or gc.get_freeze_count() == 0
+    finally:
+        gc.unfreeze()

@@ -103,7 +103,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return code
     except KeyboardInterrupt as stop:
         # A command that keeps partial results passes a message.
-        print(f"asperity: interrupted; {str(stop) or 'nothing unfinished was kept'}", file=sys.stderr)
+        print(
+            f"asperity: interrupted; {str(stop) or 'nothing unfinished was kept'}", file=sys.stderr
+        )
         return 130
     except BrokenPipeError:
         # The reader of stdout is gone. Python flushes once more at exit: into /dev/null.
