@@ -2,6 +2,7 @@
 
 import codecs
 import io
+import threading
 
 import mujoco
 import numpy as np
@@ -11,6 +12,7 @@ from PIL import Image
 
 import asperity
 from asperity.errors import AsperityError
+from asperity.scene.mjcf import warnings_as_notes
 
 RADIUS, K = 0.002, 400.0
 WAVES = 0.5 * (1 + np.cos(2 * np.pi * np.arange(-16, 17) / 16))
@@ -434,6 +436,24 @@ def test_values_that_are_hardly_in_si_units_are_doubted(load) -> None:
 def test_a_scene_toml_in_another_encoding_is_named(load) -> None:
     with pytest.raises(AsperityError, match="line 7 is no text in UTF-8; valid: saved as UTF-8"):
         load(plate(), tool(ball()), toml=(TOML + "\n# Rauheit 3 µm\n").encode("latin-1"))
+
+
+def test_threads_that_read_scenes_at_once_leave_no_trace_in_mujoco():
+    """The first to enter may be the first to leave: MuJoCo knows one function for all threads."""
+    inside, left = threading.Event(), threading.Event()
+
+    def outlast():
+        with warnings_as_notes([]):
+            inside.set()
+            left.wait(10.0)
+
+    other = threading.Thread(target=outlast)
+    with warnings_as_notes([]):
+        other.start()
+        assert inside.wait(10.0)
+    left.set()
+    other.join()
+    assert mujoco.get_mju_user_warning() is None
 
 
 def test_warnings_of_mujoco_are_notes_and_not_printed(load, capfd) -> None:

@@ -11,6 +11,8 @@ those of hammer-blocks by up to 67 nm, and would replace `fromto` by quaternions
 from __future__ import annotations
 
 import re
+import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -77,20 +79,46 @@ def model_around(
     )
 
 
+class _Listeners(threading.local):
+    """The notes of each thread that MuJoCo's warnings are added to, the innermost last."""
+
+    def __init__(self) -> None:
+        self.notes: list[list[str]] = []
+
+
+_listeners, _lock = _Listeners(), threading.Lock()
+_usual: list[Any] = []
+"""What MuJoCo called before, for each that listens."""
+
+
+def _keep(text: str) -> None:
+    """Add a warning of MuJoCo's to the notes of the thread that it comes from."""
+    if _listeners.notes:
+        note, notes = f"MuJoCo: {' '.join(text.split())[:160]}", _listeners.notes[-1]
+        notes.extend([] if note in notes else [note])
+    else:
+        print(f"WARNING: {text}", file=sys.stderr)
+
+
 @contextmanager
 def warnings_as_notes(notes: list[str]) -> Iterator[None]:
-    """Add MuJoCo's warnings, which it would print, to notes, each once."""
-    before = mujoco.get_mju_user_warning()
+    """Add MuJoCo's warnings, which it would print, to notes, each once.
 
-    def keep(text: str) -> None:
-        note = f"MuJoCo: {' '.join(text.split())[:160]}"
-        notes.extend([] if note in notes else [note])
-
-    mujoco.set_mju_user_warning(keep)
+    MuJoCo has one function for the warnings of all threads: it is set back when the last thread
+    has left.
+    """
+    with _lock:
+        _usual.append(mujoco.get_mju_user_warning())
+        mujoco.set_mju_user_warning(_keep)
+    _listeners.notes.append(notes)
     try:
         yield
     finally:
-        mujoco.set_mju_user_warning(before)
+        _listeners.notes.pop()
+        with _lock:
+            # The first of those within found the function that was there before all of them.
+            mujoco.set_mju_user_warning(_keep if len(_usual) > 1 else _usual[0])
+            _usual.pop()
 
 
 def compiled(xml: str) -> mujoco.MjModel:
