@@ -46,6 +46,24 @@ def to_world(frame, v, out):
 
 
 @inner_kernel
+def fill_origin(frame, out):
+    """Fill the origin (3,) of the world in a body's frame [m]."""
+    for i in range(3):
+        out[i] = 0.0
+        for k in range(3):
+            out[i] -= frame[k, i] * frame[k, 3]
+
+
+@inner_kernel
+def add_to_world(frame, halves, out_io):
+    """Add to two vectors in world axes, (6,), two that are given in a body's axes, (6,)."""
+    for part in range(0, 6, 3):
+        x, y, z = halves[part], halves[part + 1], halves[part + 2]
+        for i in range(3):
+            out_io[part + i] += frame[i, 0] * x + frame[i, 1] * y + frame[i, 2] * z
+
+
+@inner_kernel
 def depth_tolerance(textures, geometry, surfaces, wanted):
     """Return the gap between bounds at which a depth counts as certified [m].
 

@@ -17,6 +17,7 @@ from asperity.contact.manifold.separation import (
     fill_gap,
     fill_gap_rate,
     fill_unit,
+    fill_unit_motion,
     keep_if_near,
     smooth_step,
     smooth_step_slope,
@@ -203,12 +204,9 @@ def add_curved(geometry, pair, frames, floor, rough, rows, count):
         arm[i] -= gradient[i]
     det = m11 * m22 - m12 * m12
     for e in range(6):
-        fill_unit(e % 3, omega)
-        if e < 3:
-            for i in range(3):
-                moved[i] = omega[i]
-        else:
-            cross_product(omega, arm, moved)
+        fill_unit_motion(e, arm, moved)
+        if e >= 3:
+            fill_unit(e - 3, omega)
             cross_product(omega, n, turn)
             for i in range(3):
                 moved[i] += own[i, 0] * turn[0] + own[i, 1] * turn[1] + own[i, 2] * turn[2]

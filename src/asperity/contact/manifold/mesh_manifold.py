@@ -38,7 +38,7 @@ from asperity.contact.broad_phase.facet_pairs import (
 from asperity.contact.broad_phase.neighbour_list import RelativePose, neighbour_pairs
 from asperity.contact.manifold.directions import integrate_regions, search_directions
 from asperity.contact.manifold.mean_normal import add_normal_rates
-from asperity.contact.manifold.overlap_region import clip_depth, clip_pair
+from asperity.contact.manifold.overlap_region import clip_piece
 from asperity.contact.manifold.polyhedron_manifold import (
     add_polyhedron_rest,
     find_polyhedron_separations,
@@ -60,7 +60,7 @@ from asperity.contact.manifold.split import add_line_rates
 from asperity.contact.narrow_phase.load import scale_of
 from asperity.contact.response.mesh_way_out import fill_way_out
 from asperity.contact.response.ways_out import RATIO
-from asperity.geometry.frames import to_body, to_world
+from asperity.geometry.frames import add_to_world, fill_origin, to_body
 
 _DEEP = 0.25
 """Overlap of facets that is looked for at first, over the smaller body's least half side."""
@@ -335,13 +335,9 @@ def _is_flat(sums):
 @inner_kernel
 def _add_rest(table, query, count, parameters, way_out, space, rest_io):
     """Add the gradient of the way out by all but the depths, world axes; that of k as well."""
-    region, reach, rates = space.region, query.raised, space.region.rates
-    centre, origin, gradient, q = (
-        stack_array((3,)), stack_array((3,)), stack_array((6,)), stack_array((6,)),
-    )  # fmt: skip
-    for k in range(3):
-        origin[k] = -query.frame_b[k, 3]
-    to_body(query.frame_b, origin, centre)
+    region, rates = space.region, space.region.rates
+    centre, gradient, q = stack_array((3,)), stack_array((6,)), stack_array((6,))
+    fill_origin(query.frame_b, centre)
     clear(gradient)
     for d in range(DIRECTIONS):
         for c in range(DIRECTIONS):
@@ -364,17 +360,10 @@ def _add_rest(table, query, count, parameters, way_out, space, rest_io):
             is_wanted = is_wanted or q[k] != 0.0
         if not is_wanted:
             continue
-        piece = clip_pair(table, f, g, reach, reach, query.limit, region)
+        piece = clip_piece(table, query, f, g, region)
         if piece[1] >= 3:
-            piece = clip_depth(region, piece, query.limit)
-        if piece[1] >= 3:
-            add_piece_gradient(table, (f, g), piece, reach, q, centre, region, gradient)
-    for half in range(2):
-        for k in range(3):
-            origin[k] = gradient[3 * half + k]
-        to_world(query.frame_b, origin, centre)
-        for k in range(3):
-            rest_io[3 * half + k] += centre[k]
+            add_piece_gradient(table, (f, g), piece, query.raised, q, centre, region, gradient)
+    add_to_world(query.frame_b, gradient, rest_io)
 
 
 @inner_kernel

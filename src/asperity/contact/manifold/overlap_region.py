@@ -266,6 +266,16 @@ def clip_depth(region, piece, max_depth):
 
 
 @inner_kernel
+def clip_piece(table: FacetTable, query, f, g, region):
+    """Return the piece of a pair of facets within the limits of a query: its buffer, its corners.
+
+    There are fewer than 3 corners where the facets do not overlap.
+    """
+    piece = clip_pair(table, f, g, query.raised, query.raised, query.limit, region)
+    return clip_depth(region, piece, query.limit) if piece[1] >= 3 else piece
+
+
+@inner_kernel
 def corner_slope(table: FacetTable, f, g, piece, corner, region, m_out):
     """Fill m (3,) of a corner of a piece: a motion v of A changes the overlap there by -m . v.
 

@@ -16,7 +16,7 @@ from asperity._core.records import clear_record, copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.manifold.directions import search_direction
-from asperity.contact.manifold.overlap_region import add_piece, clip_depth, clip_pair
+from asperity.contact.manifold.overlap_region import add_piece, clip_piece
 from asperity.contact.manifold.polyhedron_pair import (
     PolyhedronPair,
     fill_place_of_pair,
@@ -42,7 +42,7 @@ from asperity.contact.manifold.separation import (
 )
 from asperity.contact.response.potential import fill_potential
 from asperity.contact.response.ways_out import RATIO
-from asperity.geometry.frames import to_world
+from asperity.geometry.frames import add_to_world, fill_origin
 
 _LEVER = 0.01
 """Length by which rotations of the tool are compared to translations [m]."""
@@ -66,14 +66,6 @@ def _share(z, n):
 
 
 @inner_kernel
-def _piece(table, query, i, region):
-    """Return the piece of a pair of facets: its buffer and its corners."""
-    f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
-    piece = clip_pair(table, f, g, query.raised, query.raised, query.limit, region)
-    return clip_depth(region, piece, query.limit) if piece[1] >= 3 else piece
-
-
-@inner_kernel
 def _fill_faces(table, query, count, region, faces_out):
     """Fill the integrals over the pieces on each face of B."""
     solids = table.polyhedra
@@ -81,7 +73,8 @@ def _fill_faces(table, query, count, region, faces_out):
     for j in range(solids.first_face[query.second + 1] - first):
         clear_record(faces_out[j])
     for i in range(count):
-        piece, g = _piece(table, query, i, region), region.facets.pairs[i, 1]
+        f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
+        piece = clip_piece(table, query, f, g, region)
         if piece[1] >= 3:
             sums = faces_out[solids.face_of[g] - first]
             add_piece(table, g, piece, query.raised, 1.0, region, sums)
@@ -287,10 +280,10 @@ def _add_region_gradient(table, query, count, centre, space, gradient_io):
     """
     region, q = space.region, stack_array((6,))
     for i in range(count):
-        piece = _piece(table, query, i, region)
+        f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
+        piece = clip_piece(table, query, f, g, region)
         if piece[1] < 3:
             continue
-        f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
         clear(q)
         q[0] = region.rates[i]
         for j in range(space.polyhedra.used[0]):
@@ -307,10 +300,8 @@ def add_polyhedron_rest(table, query, count, parameters, way_out, space, rest_io
 
     See `polyhedron_way_out`; `rest_io` is (6,).
     """
-    transform, centre, gradient, half = (
-        stack_array((3, 4)), stack_array((3,)), stack_array((6,)), stack_array((3,)),
-    )  # fmt: skip
-    fill_place_of_pair(query, transform, centre)
+    centre, gradient = stack_array((3,)), stack_array((6,))
+    fill_origin(query.frame_b, centre)
     rows, rates, is_split = space.polyhedra.rows, space.region.rates, False
     for i in range(count):
         rates[i] = 0.0
@@ -331,9 +322,4 @@ def add_polyhedron_rest(table, query, count, parameters, way_out, space, rest_io
         for e in range(6):
             for k in range(3):
                 gradient[e] += turn[k] * rows[j].normal_rate[k, e]
-    for part in range(2):
-        for k in range(3):
-            half[k] = gradient[3 * part + k]
-        to_world(query.frame_b, half, centre)
-        for k in range(3):
-            rest_io[3 * part + k] += centre[k]
+    add_to_world(query.frame_b, gradient, rest_io)

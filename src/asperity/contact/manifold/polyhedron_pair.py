@@ -32,12 +32,13 @@ from asperity.contact.manifold.separation import (
     fill_cross_rates,
     fill_rates_of_gap,
     fill_unit,
+    fill_unit_motion,
     keep_if_near,
     smooth_step,
     smooth_step_slope,
     turn_with_tool,
 )
-from asperity.geometry.frames import to_body
+from asperity.geometry.frames import fill_origin
 
 _PARALLEL = 0.03
 """Sine of the angle between two edges below which their direction does not count."""
@@ -290,9 +291,9 @@ def _add_nearest(pair, floor, rows, count):
     farthest before B. It counts less where the sphere is deep, as between geoms.
     """
     shapes, b, found = pair.shapes, pair.second, rows[count]
-    middle, n, along, arm, turn, omega = (
-        stack_array((3,)), stack_array((3,)), stack_array((3,)),
-        stack_array((3,)), stack_array((3,)), stack_array((3,)),
+    middle, n, along, arm, turn = (
+        stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,)),
+        stack_array((3,)),
     )  # fmt: skip
     _fill_middle(pair, middle)
     _begin(found, pair, CURVED)
@@ -320,12 +321,7 @@ def _add_nearest(pair, floor, rows, count):
     for i in range(3):
         along[i], arm[i] = turn[i], middle[i] - pair.centre[i]
     for e in range(6):
-        fill_unit(e % 3, omega)
-        if e < 3:
-            for i in range(3):
-                turn[i] = omega[i]
-        else:
-            cross_product(omega, arm, turn)
+        fill_unit_motion(e, arm, turn)
         up = beside = 0.0
         for i in range(3):
             up, beside = up + found.normal[i] * turn[i], beside + along[i] * turn[i]
@@ -391,8 +387,5 @@ def fill_polyhedron_separations(pair, edges, rows):
 @inner_kernel
 def fill_place_of_pair(query, transform_out, centre_out):
     """Fill A's frame (3, 4) and the tool's centre (3,) in B's frame [m], of a `BodyQuery`."""
-    origin = stack_array((3,))
     relative_transform(query.frame_a, query.frame_b, transform_out)
-    for k in range(3):
-        origin[k] = -query.frame_b[k, 3]
-    to_body(query.frame_b, origin, centre_out)
+    fill_origin(query.frame_b, centre_out)

@@ -28,8 +28,7 @@ from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.manifold.overlap_region import (
     BEHIND,
     WITHIN,
-    clip_depth,
-    clip_pair,
+    clip_piece,
     clip_polygon,
     piece_volume,
 )
@@ -91,11 +90,9 @@ def _fill_plane(sums, reach, place_out):
 def _part_that_goes(table, pair, query, leaving, region):
     """Cut out the part of a piece that goes; return its buffer, its corners."""
     f, g = pair
-    reach, polygon = query.raised, region.polygon
-    here, count = clip_pair(table, f, g, reach, reach, query.limit, region)
+    polygon, (here, count) = region.polygon, clip_piece(table, query, f, g, region)
     if count < 3:
         return here, count
-    here, count = clip_depth(region, (here, count), query.limit)
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     n = leaving.normal
     above = along_x = along_y = along_z = 0.0

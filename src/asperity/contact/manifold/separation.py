@@ -71,6 +71,22 @@ def fill_unit(k, out):
 
 
 @inner_kernel
+def fill_unit_motion(e, arm, moved_out):
+    """Fill how a point moves (3,) as the tool does by its coordinate `e`.
+
+    The first three are its translations, the others its rotations about the place from which `arm`
+    (3,) leads to the point.
+    """
+    omega = stack_array((3,))
+    fill_unit(e % 3, omega)
+    if e < 3:
+        for i in range(3):
+            moved_out[i] = omega[i]
+    else:
+        cross_product(omega, arm, moved_out)
+
+
+@inner_kernel
 def fill_gap(geometry, frame_a, frame_b, found):
     """Fill g of a separation whose direction is known."""
     a, b, n, p = found.geom_a, found.geom_b, found.normal, stack_array((3,))
@@ -102,18 +118,14 @@ def fill_rates_of_gap(found, between, arm):
     `between` (3,) leads from A's point of support to B's, `arm` (3,) to A's from the point about
     which A turns [m].
     """
-    n, turn, omega = found.normal, stack_array((3,)), stack_array((3,))
+    n, moved = found.normal, stack_array((3,))
     for e in range(6):
         rate = 0.0
         for i in range(3):
             rate += found.normal_rate[i, e] * between[i]
-        if e < 3:
-            rate -= n[e]
-        else:
-            fill_unit(e - 3, omega)
-            cross_product(omega, arm, turn)
-            for i in range(3):
-                rate -= n[i] * turn[i]
+        fill_unit_motion(e, arm, moved)
+        for i in range(3):
+            rate -= n[i] * moved[i]
         found.gap_rate[e] = rate
 
 
