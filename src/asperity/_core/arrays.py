@@ -12,8 +12,5 @@ Mask = NDArray[np.bool_]
 
 def row_lengths(rows: Array) -> Array:
     """Return the lengths (n,) of rows (n, k): those of `np.linalg.norm`, which takes longer."""
-    squares = np.square(rows[:, 0])
-    square = np.empty_like(squares)
-    for column in rows.T[1:]:
-        squares += np.square(column, out=square)
+    squares: Array = np.linalg.vecdot(rows, rows)
     return np.sqrt(squares, out=squares)

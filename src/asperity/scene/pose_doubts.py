@@ -93,7 +93,8 @@ def _extremes(times: Array, poses: Array) -> tuple[float, float, float]:
         columns = np.ascontiguousarray(poses[first : first + _AT_ONCE + 1].T)
         places, quaternions = columns[:3], columns[3:]
         products = (quaternions[:, 1:] * quaternions[:, :-1]).sum(axis=0)
-        speeds = row_lengths(np.diff(places).T) / np.diff(times[first : first + _AT_ONCE + 1])
+        steps = np.sqrt(np.square(np.diff(places)).sum(axis=0))
+        speeds = steps / np.diff(times[first : first + _AT_ONCE + 1])
         least = -np.abs(products).min(initial=1.0)
         found.append((least, np.abs(places).max(), np.nanmax(speeds, initial=0.0)))
     least, far, fastest = np.max(found, axis=0).tolist()

@@ -1,285 +1,87 @@
-"""USD (`.usd`, `.usda`, `.usdc`, `.usdz`), by usd-core: meshes placed by their prims, materials.
+"""USD (`.usd`, `.usda`, `.usdc`, `.usdz`), read by usd-core in a separate process.
 
-Read are polygons with their texture coordinates and normals, instances, subsets of faces with
-materials of their own, and the pictures of `UsdPreviewSurface`.
+usd-core believes what a damaged file counts: it reserves memory for it, reads beyond its end, and
+takes the program down with it. In a process whose memory is limited, that is one line. It also
+keeps what it has read: a file that has changed since would be the old one.
 """
 
 from __future__ import annotations
 
-import importlib
-import io
-import re
-import zipfile
-from collections.abc import Iterator
-from contextlib import redirect_stderr
+import importlib.util
+import os
+import pickle
+import subprocess
+import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-
-from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError
-from asperity.geometry.mesh.checks import UNITS, Corners
-from asperity.geometry.mesh.contents import Contents, FilePart, triangulated
-from asperity.geometry.mesh.gltf import placed
-from asperity.geometry.mesh.materials import MapImage, Material
-from asperity.geometry.mesh.usd_crate import is_damaged
+from asperity.geometry.mesh.contents import Contents
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-_INPUTS = {
-    "displacement": "displacement", "normal": "normal", "diffuseColor": "colour",
-    "roughness": "roughness",
-}  # fmt: skip
-_MOST_PARTS = 100_000
-_COORDINATES = re.compile(r"(st|uv|uvmap|map|texcoord)_?\d*", re.IGNORECASE)
-"""Names of texture coordinates whose type does not state that they are any."""
+_MEMORY, _OF_FILE = 2**31, 64
+"""Memory that reading may take [bytes], and for each byte of the file."""
+_SECONDS, _BYTES_A_SECOND = 60.0, 1e5
+"""Time that reading may take, and for how many bytes of the file another second."""
+_PROGRAM = "from asperity.geometry.mesh import usd; usd.answer()"
 
 
 def read_usd(path: Path) -> Contents:
     """Return the meshes of a USD file, a part for each prim and subset, in its unit."""
-    return _Reader(path).contents()
+    contents: Contents = _in_a_process("contents_of", path)
+    return contents
 
 
 def usd_layers(path: Path) -> list[Path]:
     """Return the files of USD that a file refers to, itself left out."""
-    pxr = _pxr(path)
-    with _Quiet(pxr):
-        layers, _, _ = pxr.UsdUtils.ComputeAllDependencies(str(path))
-    return [Path(layer.realPath) for layer in layers if Path(layer.realPath) != path.resolve()]
+    layers: list[Path] = _in_a_process("layers_of", path)
+    return layers
 
 
-def _pxr(path: Path) -> SimpleNamespace:
-    """Return the modules of usd-core."""
-    names = ("Usd", "UsdGeom", "UsdShade", "UsdUtils", "Tf")
-    try:
-        return SimpleNamespace(**{name: importlib.import_module(f"pxr.{name}") for name in names})
-    except ImportError:
+def damaged(path: Path) -> AsperityError:
+    """Return the error of a file that usd-core cannot read."""
+    kind = path.suffix.lower()
+    return AsperityError(f"{path}: cannot be read as a {kind} file: damaged, or of another kind")
+
+
+def _in_a_process(task: str, path: Path) -> Any:
+    """Return what a function of `usd_stage` returns for a file."""
+    if importlib.util.find_spec("pxr") is None:
         raise AsperityError(
             f"{path}: {path.suffix} files need usd-core, which is not installed; "
             "valid: pip install 'asperity[usd]', or the mesh as glTF or OBJ"
-        ) from None
-
-
-class _Quiet:
-    """A context in which usd-core prints nothing."""
-
-    def __init__(self, pxr: SimpleNamespace) -> None:
-        self._pxr = pxr
-
-    def __enter__(self) -> None:
-        self._delegate = self._pxr.UsdUtils.CoalescingDiagnosticDelegate()
-        self._printed = redirect_stderr(io.StringIO())
-        self._printed.__enter__()
-
-    def __exit__(self, *_: object) -> None:
-        self._printed.__exit__(None, None, None)
-        self._delegate.TakeUncoalescedDiagnostics()
-        del self._delegate
-
-
-class _Reader:
-    """A stage whose meshes are read."""
-
-    def __init__(self, path: Path) -> None:
-        self.path, self.pxr = path, _pxr(path)
-        self.out = Contents()
-        self._materials: dict[str, int] = {}
-
-    def contents(self) -> Contents:
-        """Return all parts in the frame of the stage, and the materials."""
-        damaged = AsperityError(
-            f"{self.path}: cannot be read as a {self.path.suffix.lower()} file: damaged, or of "
-            "another kind"
         )
-        if is_damaged(self.path):
-            raise damaged
-        with _Quiet(self.pxr):
-            try:
-                self._read(self.pxr.Usd.Stage.Open(str(self.path)))
-            except (self.pxr.Tf.ErrorException, RuntimeError):
-                raise damaged from None
-        return self.out
+    size = path.stat().st_size
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _PROGRAM, task, os.fspath(path), str(_MEMORY + _OF_FILE * size)],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            timeout=_SECONDS + size / _BYTES_A_SECOND, check=True,
+        )  # fmt: skip
+        found = pickle.loads(done.stdout)
+    except (subprocess.SubprocessError, pickle.UnpicklingError, EOFError):
+        raise damaged(path) from None
+    if isinstance(found, AsperityError):
+        raise found
+    return found
 
-    def _read(self, stage: Any) -> None:
-        """Read the parts of an open stage."""
-        usd, geom = self.pxr.Usd, self.pxr.UsdGeom
-        self._read_units(stage)
-        errors = " ".join(map(str, stage.GetCompositionErrors()))
-        for lost in dict.fromkeys(re.findall(r"Could not open asset @([^@]+)@", errors)):
-            self._note(f"a file that it refers to is not there: {Path(lost).name}")
-        time = usd.TimeCode.EarliestTime()
-        frames = geom.XformCache(time)
-        for prim in usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()):
-            if prim.IsA(geom.PointInstancer):
-                self._note("a PointInstancer is left out: what it repeats is there once")
-            if not prim.IsA(geom.Mesh):
-                if prim.IsA(geom.Gprim):
-                    self._note(f"{prim.GetTypeName()} in it is left out: only meshes are read")
-                continue
-            imageable = geom.Imageable(prim)
-            hidden = imageable.ComputeVisibility(time) == geom.Tokens.invisible
-            if hidden or imageable.ComputePurpose() in (geom.Tokens.proxy, geom.Tokens.guide):
-                self._note("what is invisible, or a proxy or guide, is left out")
-                continue
-            transform = np.array(frames.GetLocalToWorldTransform(prim)).T
-            for part in self._parts(prim, time):
-                self.out.parts.append(part._replace(corners=placed(part.corners, transform)))
-            if len(self.out.parts) > _MOST_PARTS:
-                raise AsperityError(f"{self.path}: more than {_MOST_PARTS} meshes are in it")
 
-    def _note(self, text: str) -> None:
-        if text not in self.out.notes:
-            self.out.notes.append(text)
+def answer() -> None:
+    """Write the result that the arguments of this process ask for to its output, pickled."""
+    task, path, memory = sys.argv[1:]
+    if sys.platform == "linux":
+        import resource
 
-    def _read_units(self, stage: Any) -> None:
-        """Read how many metres a unit has, and which axis points upwards."""
-        geom, out = self.pxr.UsdGeom, self.out
-        metres = float(geom.GetStageMetersPerUnit(stage))
-        near = [name for name, value in UNITS.items() if np.isclose(value, metres, rtol=1e-6)]
-        if not near:
-            valid = ", ".join(f"{value:g}" for value in UNITS.values())
-            raise AsperityError(f"{self.path}: its metersPerUnit is {metres:g}; valid: {valid}")
-        out.unit = near[0]
-        if not geom.StageHasAuthoredMetersPerUnit(stage):
-            self._note("it states no metersPerUnit: cm, the default of USD")
-        out.up = str(geom.GetStageUpAxis(stage)).lower()
+        resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
+    output = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what usd-core prints
+    from asperity.geometry.mesh import usd_stage
 
-    def _parts(self, prim: Any, time: Any) -> Iterator[FilePart]:
-        """Yield the triangles of a mesh, a part for each material."""
-        geom, shade = self.pxr.UsdGeom, self.pxr.UsdShade
-        mesh = geom.Mesh(prim)
-        points = np.asarray(mesh.GetPointsAttr().Get(time) or (), dtype=np.float64).reshape(-1, 3)
-        counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(time) or (), dtype=np.int64)
-        at = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time) or (), dtype=np.int64)
-        if not len(counts):
-            return
-        wrong = counts.min() < 0 or counts.sum() != len(at)
-        if wrong or at.size == 0 or at.min() < 0 or at.max() >= len(points):
-            raise AsperityError(f"{self.path}: {prim.GetPath()} has faces of points that it lacks")
-        if mesh.GetSubdivisionSchemeAttr().Get() != "none" and not self._normals(mesh, time):
-            self._note("its subdivision is left out: the mesh is taken as its control cage")
-        triangles, polygon = triangulated(points[at], counts)
-        holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or (), dtype=np.int64)
-        if len(holes):
-            whole = ~np.isin(polygon, holes)
-            triangles, polygon = triangles[whole], polygon[whole]
-        if not len(triangles):
-            return
-        if mesh.GetOrientationAttr().Get() == geom.Tokens.leftHanded:
-            triangles = triangles[:, ::-1]
-        uv, normals = self._uv(prim, time), self._normals(mesh, time)
-        attributes = [
-            None if found is None else self._at_corners(*found, at, triangles, polygon, len(points))
-            for found in (uv, normals)
-        ]
-        own = np.full(len(counts), self._material(shade.MaterialBindingAPI(prim)))
-        for subset in geom.Subset.GetGeomSubsets(mesh, geom.Tokens.face, "materialBind"):
-            faces = np.asarray(subset.GetIndicesAttr().Get(time) or (), dtype=np.int64)
-            faces = faces[(faces >= 0) & (faces < len(own))]
-            own[faces] = self._material(shade.MaterialBindingAPI(subset.GetPrim()))
-        of_triangle = own[polygon]
-        for number in np.unique(of_triangle):
-            which = of_triangle == number
-            rest = [None if a is None else a[which] for a in attributes]
-            yield FilePart(Corners(points, at[triangles[which]], *rest), int(number))
-
-    def _uv(self, prim: Any, time: Any) -> tuple[Array, str] | None:
-        """Return texture coordinates and where they are: of `st`, or the first that there are."""
-        found = [
-            primvar
-            for primvar in self.pxr.UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
-            if str(primvar.GetTypeName()) in ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]")
-            or (_COORDINATES.fullmatch(str(primvar.GetPrimvarName())) and primvar.HasValue())
-        ]
-        found.sort(key=lambda primvar: str(primvar.GetPrimvarName()) != "st")
-        if not found:
-            return None
-        if len(found) > 1:
-            self._note(f"of its sets of texture coordinates {found[0].GetPrimvarName()} is used")
-        values = found[0].ComputeFlattened(time)
-        values = np.asarray(values if values is not None else (), dtype=np.float64)
-        return (values, str(found[0].GetInterpolation())) if values.ndim == 2 else None
-
-    def _normals(self, mesh: Any, time: Any) -> tuple[Array, str] | None:
-        primvar = self.pxr.UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
-        if primvar and primvar.HasValue():
-            values, where = primvar.ComputeFlattened(time), primvar.GetInterpolation()
-        else:
-            values, where = mesh.GetNormalsAttr().Get(time), mesh.GetNormalsInterpolation()
-        values = np.asarray(values if values is not None else (), dtype=np.float64)
-        return (values, str(where)) if values.ndim == 2 and len(values) else None
-
-    def _at_corners(
-        self, values: Array, where: str, at: Indices, triangles: Indices, polygon: Indices,
-        points: int,
-    ) -> Array | None:  # fmt: skip
-        """Return an attribute at the corners of triangles (m, 3, k)."""
-        wanted = {
-            "faceVarying": (len(at), triangles), "vertex": (points, at[triangles]),
-            "varying": (points, at[triangles]), "uniform": (polygon.max() + 1, polygon[:, None]),
-        }  # fmt: skip
-        count, index = wanted.get(where, (-1, polygon))
-        if len(values) < count or count < 0:
-            self._note(
-                f"an attribute of interpolation {where!r} with {len(values)} values left out"
-            )
-            return None
-        return np.broadcast_to(values[index], (len(triangles), 3, values.shape[1]))
-
-    def _material(self, binding: Any) -> int:
-        """Return the number of the material of a prim, -1 without."""
-        material, _ = binding.ComputeBoundMaterial()
-        if not material:
-            return -1
-        name = str(material.GetPath())
-        if name not in self._materials:
-            self._materials[name] = len(self.out.materials)
-            self.out.materials.append(self._read_material(material))
-        return self._materials[name]
-
-    def _read_material(self, material: Any) -> Material:
-        surface = material.ComputeSurfaceSource()[0]
-        maps, colour = {}, None
-        for name, kind in _INPUTS.items():
-            source = surface.GetInput(name) if surface else None
-            if source is None or not source:
-                continue
-            found = [attribute for attribute in source.GetValueProducingAttributes()]
-            shader = self.pxr.UsdShade.Shader(found[0].GetPrim()) if found else None
-            if shader and shader.GetIdAttr().Get() == "UsdUVTexture":
-                picture = self._picture(shader, kind)
-                if picture is not None:
-                    maps[kind] = picture
-            elif kind == "colour" and found:
-                value = np.clip(np.asarray(found[0].Get() or (1, 1, 1), dtype=np.float64), 0, 1)
-                linear = np.maximum(value, 1e-9) ** (1 / 2.4)
-                srgb = np.where(value <= 0.0031308, 12.92 * value, 1.055 * linear - 0.055)
-                colour = tuple(float(x) for x in srgb)
-        return Material(str(material.GetPrim().GetName()), maps, colour)  # type: ignore[arg-type]
-
-    def _picture(self, shader: Any, kind: str) -> MapImage | None:
-        """Return the picture of a texture node."""
-        file = shader.GetInput("file")
-        asset = file.Get() if file else None
-        if asset is None or not asset.path:
-            return None
-        name = Path(asset.path.replace("\\", "/")).name
-        scale = shader.GetInput("scale")
-        height = float(scale.Get()[0]) if scale and scale.Get() is not None else None
-        height = height if kind == "displacement" else None
-        wraps = [found.Get() for key in ("wrapS", "wrapT") if (found := shader.GetInput(key))]
-        border = "wrap" if {*wraps} <= {"repeat", "useMetadata"} else "other"
-        border = "clamp" if wraps == ["clamp", "clamp"] else border
-        coordinates = shader.GetInput("st")
-        if coordinates and any(
-            self.pxr.UsdShade.Shader(a.GetPrim()).GetIdAttr().Get() == "UsdTransform2d"
-            for a in coordinates.GetValueProducingAttributes()
-        ):
-            self._note(f"the transform of the texture coordinates of {name} is left out")
-        package, _, inner = asset.resolvedPath.partition("[")
-        if inner:
-            with zipfile.ZipFile(package) as archive:
-                return MapImage(None, name, archive.read(inner.rstrip("]")), height, border=border)
-        path = Path(asset.resolvedPath) if asset.resolvedPath else self.path.parent / name
-        return MapImage(path, name, height_range=height, border=border)
+    found: Any
+    try:
+        found = getattr(usd_stage, task)(Path(path))
+    except AsperityError as error:
+        found = error
+    with output:
+        pickle.dump(found, output)
