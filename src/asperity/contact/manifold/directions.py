@@ -1,10 +1,10 @@
 """The directions in which the tool may leave a body: their normals, regions and depths.
 
 The overlap region of the two smooth bodies is integrated for each of six directions of the body's
-frame (`overlap_region`). A direction in which there is an overlap has a normal, the mean of the
-body's facet normals weighted by the overlap, and one to four patches (`split`), whose depths
-delta_p are searched (`narrow_phase`). Its own depth is the root mean square of theirs, so that m
-patches have the stiffness k together.
+frame (`overlap_region`). A direction with an overlap has a normal, the mean of the body's facet
+normals weighted by the overlap, and one to four patches (`split`), whose depths are searched
+(`narrow_phase`). The direction's depth is their root mean square, so that its patches have the
+total stiffness k.
 """
 
 from __future__ import annotations
@@ -40,26 +40,26 @@ from asperity.contact.narrow_phase.surface_patch import FLATTEST
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import depth_tolerance, to_body, to_world
 
-_SEARCHES, _LEAST = 2.0, 0.05
-"""Budget of all directions of a body, and of the last ones when it is spent, in `max_nodes`."""
+_BUDGET, _LEAST_BUDGET = 2.0, 0.05
+"""Node budget of all directions of a body, and the least of one direction, in `max_nodes`."""
 _RADIUS = 1.0 / 3.0
-"""How far the parts of a region reach by default, over the width of the smaller body."""
+"""Default patch radius, over the width of the smaller body."""
 
 
 @inner_kernel
 def integrate_regions(table, query, count, thin, region):
-    """Fill the sums of all directions; keep the pairs of facets that may touch, return how many.
+    """Fill the integrals of all directions; keep the facet pairs that may touch, return how many.
 
-    Of facets that are steep to each other only their depths count, unless there are no others, as
-    where a needle stands on a plate.
+    Pairs at a steep angle are kept for the depth search but not integrated, unless there are no
+    others, as where a needle stands on a plate.
 
     Parameters
     ----------
     query : BodyQuery
     count : int
-        Number of pairs of facets that are listed.
+        Number of listed facet pairs.
     thin : float
-        Pieces that overlap by more than this may lie across a cavity [m].
+        Overlap above which a piece may lie across a cavity [m].
     region : OverlapRegion
     """
     kept, volume = _integrate(table, query, count, thin, FLATTEST, region)
@@ -71,7 +71,7 @@ def integrate_regions(table, query, count, thin, region):
 
 @inner_kernel
 def _integrate(table, query, count, thin, least, region):
-    """Do what `integrate_regions` does with pairs down to a cosine; return their volume too."""
+    """Integrate the pairs above a cosine; return how many are kept, and their volume."""
     sums, limit, reach, kept, total = region.sums, query.limit, query.raised, 0, 0.0
     for d in range(DIRECTIONS):
         clear_record(sums[d])
@@ -104,13 +104,13 @@ def _integrate(table, query, count, thin, least, region):
             volumes[d] = add_piece(table, g, piece, reach, share, region, sums[d])
             total += volumes[d]
             if deepest > sums[d].deepest:
-                _note_deepest(table, (f, g), piece, corner, region, sums[d])
+                _store_deepest(table, (f, g), piece, corner, region, sums[d])
     return kept, total
 
 
 @inner_kernel
-def _note_deepest(table, pair, piece, corner, region, sums):
-    """Note a corner of a piece as the place where the smooth bodies overlap most."""
+def _store_deepest(table, pair, piece, corner, region, sums):
+    """Store a corner of a piece as the deepest point of the smooth bodies."""
     f, g = pair
     p = region.polygon[piece[0], corner]
     sums.deepest = p[2]
@@ -122,7 +122,7 @@ def _note_deepest(table, pair, piece, corner, region, sums):
 
 @inner_kernel
 def _patch_radius(model, parameters, query):
-    """Return how far the parts of a region reach over its centroid [m]."""
+    """Return the radius of the parts into which a region is split [m]."""
     if parameters.patch_radius > 0.0:
         return parameters.patch_radius
     width = model.facets.width
@@ -131,11 +131,11 @@ def _patch_radius(model, parameters, query):
 
 @inner_kernel
 def _fill_guesses(query, d, memory, manifold, guess_out):
-    """Fill where to look first for the deepest points of direction `d`, A's frame (4, 3) [m].
+    """Fill the start points of the searches of direction `d`, A's frame (4, 3) [m].
 
-    Where nothing is known from the last tick, it is the deepest point of the directions that have
-    been searched in this one: in two rough bodies a search without a start may spend its budget far
-    from the deepest place, and the least of the depths would be that of the worst search.
+    A part without one from the last tick gets the deepest point of the directions searched in this
+    tick: between two rough bodies a search without a start may spend its budget far from the
+    deepest point, and its too small depth would be the least one.
     """
     deepest, at = 0.0, np.int64(-1)
     for p in range(manifold.count[0].patches):
@@ -150,9 +150,9 @@ def _fill_guesses(query, d, memory, manifold, guess_out):
 
 
 @inner_kernel
-def _search_patches(model, parameters, query, which, memory, space, workspace):
-    """Search the patches of a direction, appended to the manifold; return how many there are."""
-    d, count, ceiling, of = which
+def _search_patches(model, parameters, query, task, memory, space, workspace):
+    """Search the patches of a direction, append them to the manifold, return their number."""
+    d, count, ceiling, source = task
     scene, manifold = model.scene, space.manifold
     direction, frame = space.directions[d], workspace.frame
     n, world, local = stack_array((3,)), stack_array((3,)), stack_array((3, 3))
@@ -160,14 +160,14 @@ def _search_patches(model, parameters, query, which, memory, space, workspace):
     _fill_guesses(query, d, memory, manifold, guess)
     for k in range(3):
         n[k] = direction.normal[k]
-    # The axes turn with B, so that a region is split the same way wherever B is.
+    # The axes turn with B, so that the split does not depend on B's pose.
     frame_round(n, local)
     for i in range(2):
         to_world(query.frame_b, local[i], frame[i])
     to_world(query.frame_b, n, world)
     for k in range(3):
         frame[2, k] = world[k]
-    facets = FacetQuery(np.int64(count), np.int64(of), n, frame, query.frame_a, query.frame_b)
+    facets = FacetQuery(np.int64(count), np.int64(source), n, frame, query.frame_a, query.frame_b)
     start = manifold.count[0].patches
     first = model.facets.first_surface
     surfaces = (first[query.first], first[query.second])
@@ -176,8 +176,10 @@ def _search_patches(model, parameters, query, which, memory, space, workspace):
         space.region.sums[d], local[0], local[1], _patch_radius(model, parameters, query), ceiling,
         guess,
     )  # fmt: skip
-    # A deep pose has many directions to search: together they get twice the budget of one.
-    left = max(_SEARCHES * parameters.max_nodes - space.spent[0], _LEAST * parameters.max_nodes)
+    # A deep pose has many directions: together they get twice the budget of one.
+    left = max(
+        _BUDGET * parameters.max_nodes - space.spent[0], _LEAST_BUDGET * parameters.max_nodes
+    )
     limits = SearchLimits(tolerance, min(float(parameters.max_nodes), left))
     patches, has_room = region_depths(
         (scene.textures, model.facets, scene.geometry), region, facets, limits, workspace, space,
@@ -207,26 +209,26 @@ def _search_patches(model, parameters, query, which, memory, space, workspace):
 
 
 @inner_kernel
-def search_direction(model, parameters, query, which, memory, space, workspace):
+def search_direction(model, parameters, query, task, memory, space, workspace):
     """Search the depth of a direction; return whether it counts.
 
-    `which` has its number, the number of pairs of facets, the depth from which on it does not
-    count [m], and the direction whose facets are searched, -1 for all.
+    `task` is the direction's number, the number of facet pairs, the depth above which the direction
+    does not count [m], and the direction whose facets are searched, -1 for all.
     """
-    manifold, direction = space.manifold, space.directions[which[0]]
+    manifold, direction = space.manifold, space.directions[task[0]]
     if manifold.count[0].patches + MAX_PARTS > MAX_PATCHES:
         manifold.count[0].dropped += 1
         return False
     direction.first = manifold.count[0].patches
-    direction.patches = _search_patches(model, parameters, query, which, memory, space, workspace)
+    direction.patches = _search_patches(model, parameters, query, task, memory, space, workspace)
     square = 0.0
     for p in range(direction.first, direction.first + direction.patches):
         result = manifold.result[p]
         square += (scale_of(result) * max(result.depth, 0.0)) ** 2
     direction.depth = math.sqrt(square / direction.patches)
-    # Facets that overlap along their own normals may lie beside each other along the mean one.
-    is_none = square == 0.0 and space.region.sums[which[0]].deepest > query.lowered
-    if is_none or direction.depth > which[2]:
+    # Facets that overlap along their own normals may be side by side along the mean normal.
+    is_none = square == 0.0 and space.region.sums[task[0]].deepest > query.lowered
+    if is_none or direction.depth > task[2]:
         direction.patches = 0
         return False
     manifold.count[0].patches += direction.patches
@@ -235,7 +237,7 @@ def search_direction(model, parameters, query, which, memory, space, workspace):
 
 @inner_kernel
 def _next_direction(reach, space):
-    """Return the widest and shallowest direction of those not visited; -1 if none is left."""
+    """Return the unvisited direction with the largest volume over squared depth; -1 for none."""
     first, most = -1, 0.0
     for d in range(DIRECTIONS):
         sums = space.region.sums[d]
@@ -247,28 +249,28 @@ def _next_direction(reach, space):
 
 
 @inner_kernel
-def _know(table, query, count, c, space):
-    """Fill the residuals given direction `c`, if they are not yet."""
+def _ensure_residuals(table, query, count, c, space):
+    """Fill the residuals after leaving by direction `c`, unless they are filled."""
     if space.directions[c].known == 0:
         space.directions[c].known = 1
         fill_residuals(table, query, count, c, space)
 
 
 @inner_kernel
-def _is_freed(table, query, count, d, space):
-    """Return whether nothing is left of direction `d` by whichever searched one the tool leaves."""
+def _is_resolved_by_each(table, query, count, d, space):
+    """Return whether each searched direction resolves `d`: leaves no residual of it."""
     for c in range(DIRECTIONS):
         if space.directions[c].patches > 0:
-            _know(table, query, count, c, space)
+            _ensure_residuals(table, query, count, c, space)
             if space.residuals.value[d, c] > 0.0:
                 return False
     return True
 
 
 @inner_kernel
-def _frees_all(table, query, count, c, space):
-    """Return whether nothing is left of any direction once the tool leaves by direction `c`."""
-    _know(table, query, count, c, space)
+def _resolves_all(table, query, count, c, space):
+    """Return whether leaving by direction `c` resolves all others."""
+    _ensure_residuals(table, query, count, c, space)
     for d in range(DIRECTIONS):
         if d != c and space.region.sums[d].volume > 0.0 and space.residuals.value[d, c] > 0.0:
             return False
@@ -276,23 +278,25 @@ def _frees_all(table, query, count, c, space):
 
 
 @inner_kernel
-def _is_needless(table, query, count, d, space):
-    """Return whether the tool leaves all by another direction, which `d` does not replace.
+def _is_redundant(table, query, count, d, space):
+    """Return whether another direction resolves all, and `d` resolves no part of that one.
 
-    Then each choice that has `d` has to leave that one too, and counts for nothing
-    (`response.mesh_way_out`); if no other direction replaces a part of it either.
+    Then each choice with `d` includes that direction too, and has no weight
+    (`response.mesh_way_out`), provided that no other direction resolves a part of it either.
     """
     for c in range(DIRECTIONS):
-        if space.directions[c].patches > 0 and _frees_all(table, query, count, c, space):
-            _know(table, query, count, d, space)
-            if space.residuals.value[c, d] == 1.0 and _is_kept(table, query, count, c, space):
+        if space.directions[c].patches > 0 and _resolves_all(table, query, count, c, space):
+            _ensure_residuals(table, query, count, d, space)
+            if space.residuals.value[c, d] == 1.0 and _is_independent(
+                table, query, count, c, space
+            ):
                 return True
     return False
 
 
 @inner_kernel
-def _is_kept(table, query, count, c, space):
-    """Return whether all of direction `c` remains by whichever other one the tool may leave."""
+def _is_independent(table, query, count, c, space):
+    """Return whether no other direction resolves any part of direction `c`."""
     for e in range(DIRECTIONS):
         direction = space.directions[e]
         is_out = direction.visited == 1 and direction.patches == 0
@@ -300,7 +304,7 @@ def _is_kept(table, query, count, c, space):
             continue
         if direction.known == 0:
             fill_mean_normal(table, count, e, space.region, direction.normal)
-            _know(table, query, count, e, space)
+            _ensure_residuals(table, query, count, e, space)
         if space.residuals.value[c, e] < 1.0:
             return False
     return True
@@ -308,11 +312,11 @@ def _is_kept(table, query, count, c, space):
 
 @inner_kernel
 def search_directions(model, parameters, query, count, memory, space, workspace):
-    """Fill depths and residuals of all directions that count; return how many there are.
+    """Fill depths and residuals of all directions that count; return their number.
 
-    The widest and shallowest overlap comes first. A direction is left out, its `patches` 0, where
-    no choice that has it counts: it is too deep, and nothing is left of it whichever way the tool
-    leaves; or the tool leaves all by another one, that has to be left anyway.
+    The widest and shallowest overlap comes first. A direction is skipped, its `patches` 0, where
+    no choice with it has weight: it is too deep and each searched direction resolves it; or a
+    direction that every choice includes resolves all.
 
     Parameters
     ----------
@@ -320,7 +324,7 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
     parameters : ForceParameters
     query : BodyQuery
     count : int
-        Number of pairs of facets.
+        Number of facet pairs.
     memory : MeshMemory
         Only read.
     space : FacetSpace
@@ -340,21 +344,21 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
         direction = space.directions[d]
         direction.visited = 1
         most, deepest = math.inf, space.region.sums[d].deepest
-        if searched > 0 and _is_freed(table, query, count, d, space):
-            # One that goes on beyond the limit need not be known: see `mesh_manifold`.
+        if searched > 0 and _is_resolved_by_each(table, query, count, d, space):
+            # A region cut off at the limit need not be searched: see `mesh_manifold`.
             most = RATIO * (LONGEST if deepest < query.limit else 1.0) * least
         is_near = deepest - query.lowered <= most / soft
         if is_near:
             fill_mean_normal(table, count, d, space.region, direction.normal)
-            is_near = not _is_needless(table, query, count, d, space)
-        which = (d, count, most, d)
-        if is_near and search_direction(model, parameters, query, which, memory, space, workspace):
+            is_near = not _is_redundant(table, query, count, d, space)
+        task = (d, count, most, d)
+        if is_near and search_direction(model, parameters, query, task, memory, space, workspace):
             searched += 1
             least = min(least, direction.depth)
-            if direction.depth == 0.0 and _frees_all(table, query, count, d, space):
+            if direction.depth == 0.0 and _resolves_all(table, query, count, d, space):
                 break
         d = _next_direction(query.raised, space)
     for c in range(DIRECTIONS if searched > 1 else 0):
         if space.directions[c].patches > 0:
-            _know(table, query, count, c, space)
+            _ensure_residuals(table, query, count, c, space)
     return searched

@@ -1,21 +1,19 @@
 """The contact manifold between a tool and one body, of which at least one is a mesh.
 
-From the pairs of facets that are near each other follow the directions in which the tool may leave
-the body (`directions`), how much of each remains once it leaves by another (`residual`), and the
-way out s (`response.mesh_way_out`). The energy is k s^2 / 2, a function of the pose alone: memory
-of the last tick only chooses where to look first, and how deep.
+Pairs of nearby facets give the directions in which the tool may leave the body (`directions`), the
+part of each overlap that remains after leaving by another (`residual`), and the way out s
+(`response.mesh_way_out`). The energy is k s^2 / 2, a function of the pose alone: memory of the
+last tick only sets where searches start and the first limit on the overlap of facets.
 
-The gradient of s has two parts. That by the depths is felt at the patches: with delta_p the depths
-of the m patches of a direction and delta the root of their mean square, a patch has the weight
+The gradient of s has two parts. The part through the depths acts at the patches: with delta_p the
+depths of the m patches of a direction and delta their root mean square, patch p has the weight
 
     w_p = s ds/d(delta) / (m delta),      force_p = k w_p delta_p m_p
 
-(with a map of stiffness, delta_p is scaled by the root of what it gives over k, and w_p by its
-square).
+(with a stiffness map k_p, delta_p is scaled by sqrt(k_p / k), and w_p by k_p / k).
 
-The other is by all else that moves with the tool: normals, the lines that split regions, and
-residuals. These follow from integrals over the overlap region, and so does their derivative, in one
-pass over its pieces (`region_gradient`).
+The rest is through normals, the lines that split regions, and residuals. Its rates follow from
+integrals over the overlap region, in one pass over its pieces (`region_gradient`).
 """
 
 from __future__ import annotations
@@ -62,25 +60,25 @@ from asperity.contact.response.mesh_way_out import fill_way_out
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import add_to_world, fill_origin, to_body
 
-_DEEP = 0.25
-"""Overlap of facets that is looked for at first, over the smaller body's least half side."""
-_THIN = 0.05
-"""Part of the smaller body's size beyond which an overlap of facets may lie across a cavity."""
+_LIMIT_FRACTION = 0.25
+"""Least limit on the overlap of facets, over the least half side of the thinner body."""
+_CAVITY_FRACTION = 0.05
+"""Overlap of facets, over the smaller body's size, above which it may lie across a cavity."""
 _LEAST_REACH = 3e-5
 """Distance over the smaller body's width at which smooth surfaces belong to the overlap region."""
 _OBLIQUE = math.sqrt(3.0)
-"""Distance along a face of a cube from which a texture of A reaches its corner, over its height."""
-_SMALL = 0.1
-"""A step that is smaller than this part of the limit does not raise it."""
-_ROUNDS = 10
-"""Most times that facets are looked for deeper."""
+"""Largest reach of a texture of A along B's normals, over its height: at the corner of a cube."""
+_SMALL_STEP = 0.1
+"""A step smaller than this fraction of the limit does not raise it."""
+_MAX_ROUNDS = 10
+"""Maximum number of searches, each with another limit."""
 
 
 class BodyQuery(NamedTuple):
     """The tool and one scene body at one pose; positions are relative to the tool's centre.
 
-    B, whose normals give the directions, is the one with larger plane faces, be it the tool or
-    not: so the energy does not depend on which of two bodies is called the tool.
+    B, whose normals give the directions, is the body with larger plane faces, so that the energy
+    does not depend on which of the two is the tool.
     """
 
     body: int
@@ -96,18 +94,18 @@ class BodyQuery(NamedTuple):
     step: float
     """Distance that the tool has moved since the last tick [m]."""
     limit: float
-    """Largest overlap of facets that is looked for [m]."""
+    """Largest overlap of facets that is considered [m]."""
     raised: float
-    """How much textures raise both bodies at most [m]."""
+    """Upper bound on the height of both textures above the smooth surfaces [m]."""
     lowered: float
-    """How much they lower them at most [m]."""
+    """Upper bound on their depth below the smooth surfaces [m]."""
 
 
 @inner_kernel
 def texture_reach(table, first, second):
-    """Return how far from each other facets of A and B may touch, and how much textures lower them.
+    """Return the bounds `raised` and `lowered` of `BodyQuery` [m].
 
-    Both are measured along the normals of B [m], to which A's texture may be oblique.
+    Both are along the normals of B, to which A's texture may be oblique.
     """
     reach = _LEAST_REACH * min(table.width[first], table.width[second])
     reach += table.slack[first] + table.slack[second]
@@ -118,15 +116,15 @@ def texture_reach(table, first, second):
 
 @inner_kernel
 def in_order(table, tool, b):
-    """Return which of the tool and body `b` is A, and which B: the one with larger plane faces."""
+    """Return the numbers of A and B: of the tool and body `b`, B has the larger plane faces."""
     if table.flat_area[tool] > table.flat_area[b]:
         return b, tool
     return tool, b
 
 
 @inner_kernel
-def _listed_pairs(model, query, memory, space):
-    """Fill `region.facets.pairs` with the facets that may touch; return how many pairs."""
+def _fill_pairs(model, query, memory, space):
+    """Fill `region.facets.pairs` with the facets that may touch; return the number of pairs."""
     table, facets, transform = model.facets, space.region.facets, stack_array((3, 4))
     relative_transform(query.frame_a, query.frame_b, transform)
     size = half_diagonal(table, query.first)
@@ -140,13 +138,14 @@ def _listed_pairs(model, query, memory, space):
 
 
 @inner_kernel
-def _look(model, parameters, query, memory, space, workspace):
-    """Return the way out of the facets within the limit [m], and the number of their pairs."""
+def _find_way_out(model, parameters, query, memory, space, workspace):
+    """Return the way out by facets that overlap within the limit [m], and the number of pairs."""
     table = model.facets
     size = min(half_diagonal(table, query.first), half_diagonal(table, query.second))
-    count = _listed_pairs(model, query, memory, space)
+    count = _fill_pairs(model, query, memory, space)
     is_pair = is_polyhedron_pair(table, query)
-    thin = math.inf if is_pair else max(_THIN * size, query.raised)  # convex: without cavities
+    # Convex bodies have no cavities.
+    thin = math.inf if is_pair else max(_CAVITY_FRACTION * size, query.raised)
     count = integrate_regions(table, query, count, thin, space.region)
     if is_pair:
         way_out = polyhedron_way_out(model, parameters, query, count, memory, space, workspace)
@@ -164,17 +163,17 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     model : MeshModel
     parameters : ForceParameters
     query : BodyQuery
-        Without a limit.
+        Its limit is ignored.
     overlap : float
-        Overlap that MuJoCo finds [m]: if nothing is known of the last tick, facets are looked for
-        so deep at least, unless a way out is found before.
+        Overlap that MuJoCo finds [m]: without memory of the last tick, the limit is raised to it
+        until a way out is found.
     memory : MeshMemory
-        Only read, but for the neighbour lists.
+        Only the neighbour lists are written.
     space : FacetSpace
     workspace : Workspace
     rest_out : (6,) array
-        Gradient of the way out that is not felt at the patches, by the tool's translation and
-        rotation, world axes; with that of the stiffness, where it varies.
+        The part of the way out's gradient that does not act at the patches, by the tool's
+        translation and rotation, world axes; includes that of the stiffness, where it varies.
 
     Returns
     -------
@@ -196,14 +195,14 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
         while limit < deep:
             limit *= 2.0
     workspace.search[0].usual = 1.0 / usual if has_map(model.facets, query) else 0.0
-    for _ in range(_ROUNDS):
-        space.spent[0] = 0.0  # what a discarded round has used up is not missed by the last one
+    for _ in range(_MAX_ROUNDS):
+        space.spent[0] = 0.0  # discarded rounds do not reduce the budget of the last one
         space.manifold.count[0].patches, space.manifold.count[0].dropped = first, dropped
         here = BodyQuery(
             query.body, query.first, query.second, query.frame_a, query.frame_b, query.step,
             limit, query.raised, query.lowered,
         )  # fmt: skip
-        way_out, count = _look(model, parameters, here, memory, space, workspace)
+        way_out, count = _find_way_out(model, parameters, here, memory, space, workspace)
         if is_pair:
             break
         wanted = RATIO * way_out / soft + query.lowered
@@ -222,19 +221,19 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     space.stiffness[b], space.friction[b] = contact_properties(
         table, here, count, parameters, space.region
     )
-    _weigh(here, space, way_out, rest_out)
+    _fill_weights(here, space, way_out, rest_out)
     if is_pair:
         add_polyhedron_rest(table, here, count, parameters, way_out, space, rest_out)
-    elif properties_vary(table, here) or _moves(space):
+    elif properties_vary(table, here) or _has_rest(space):
         _add_rest(table, here, count, parameters, way_out, space, rest_out)
     if query.first == query.body:
-        _turn_round(space.manifold, first, rest_out)
+        _swap_bodies(space.manifold, first, rest_out)
     return way_out
 
 
 @inner_kernel
-def _turn_round(manifold, first, rest_io):
-    """Turn what pushes A out of B, from patch `first` on, into what pushes B out of A."""
+def _swap_bodies(manifold, first, rest_io):
+    """Change the sign of patches from `first` on and of the rest, so that they act on B, not A."""
     for p in range(first, manifold.count[0].patches):
         patch, result = manifold.patches[p], manifold.result[p]
         for k in range(3):
@@ -247,27 +246,25 @@ def _turn_round(manifold, first, rest_io):
 
 @inner_kernel
 def _least_limit(model, query):
-    """Return the least depth that facets are looked for [m]: a part of the thinner body."""
+    """Return the least limit on the overlap of facets [m]: a fraction of the thinner body."""
     table, least = model.facets, np.inf
     for k in range(3):
         least = min(least, table.reach[table.root[query.first], k])
         least = min(least, table.reach[table.root[query.second], k])
-    return _DEEP * least + query.lowered
+    return _LIMIT_FRACTION * least + query.lowered
 
 
 @inner_kernel
 def _first_limit(model, memory, query, overlap):
-    """Return how deep facets are looked for at first [m]; `overlap` is what MuJoCo finds.
+    """Return the first limit on the overlap of facets [m]; `overlap` is what MuJoCo finds.
 
-    It is one of a fixed series, the first of which that suffices, so that the way out depends on
-    the pose alone.
+    It is the least limit times a power of two, so that the way out depends on the pose alone.
     """
     limit, farthest = _least_limit(model, query), overlap
     if memory.known[query.body] == 1:
         farthest = memory.way_out[query.body]
-        # A tool that slides along hardly needs a deeper limit, and a round for a needless one costs
-        # as much as the tick.
-        if query.step > _SMALL * limit:
+        # Sliding hardly ever needs a larger limit, and an unnecessary round costs a whole tick.
+        if query.step > _SMALL_STEP * limit:
             farthest += query.step
     while limit < RATIO * farthest + query.lowered:
         limit *= 2.0
@@ -275,10 +272,10 @@ def _first_limit(model, memory, query, overlap):
 
 
 @inner_kernel
-def _weigh(query, space, way_out, rest_io):
-    """Fill the weights of the patches, and the rates by what their depths depend on.
+def _fill_weights(query, space, way_out, rest_io):
+    """Fill the weights of the patches; add the rates through normals and split lines.
 
-    A patch that the way out gets shorter by is no contact: what it adds is part of the rest.
+    A patch whose depth shortens the way out is no contact: its gradient is part of the rest.
     """
     manifold, n, turn = space.manifold, stack_array((3,)), stack_array((3,))
     for d in range(MAX_DIRECTIONS):
@@ -310,7 +307,7 @@ def _weigh(query, space, way_out, rest_io):
 
 
 @inner_kernel
-def _moves(space):
+def _has_rest(space):
     """Return whether the way out depends on more than the depths."""
     for d in range(DIRECTIONS):
         direction = space.directions[d]
@@ -326,7 +323,7 @@ def _moves(space):
 
 @inner_kernel
 def _is_flat(sums):
-    """Return whether all normals of a direction are the same."""
+    """Return whether all facet normals of a direction are equal."""
     n = sums.normal
     square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
     return square >= (1.0 - 1e-13) * sums.volume * sums.volume
@@ -334,7 +331,7 @@ def _is_flat(sums):
 
 @inner_kernel
 def _add_rest(table, query, count, parameters, way_out, space, rest_io):
-    """Add the gradient of the way out by all but the depths, world axes; that of k as well."""
+    """Add the rest of the gradient, that of the stiffness included, world axes."""
     region, rates = space.region, space.region.rates
     centre, gradient, q = stack_array((3,)), stack_array((6,)), stack_array((6,))
     fill_origin(query.frame_b, centre)

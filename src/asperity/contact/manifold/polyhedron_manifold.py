@@ -1,8 +1,8 @@
-"""The contact manifold between two convex polyhedra: one way out, as between geoms.
+"""The contact manifold between two convex polyhedra, whose way out is that of two geoms.
 
-Every direction (`polyhedron_pair`) leaves all of the other body, so that the way out is the soft
-least of their depths (`response.potential`). A direction has one to four patches, as between other
-meshes: see `directions`.
+Each direction (`polyhedron_pair`) separates the bodies completely, so that the way out is the
+smooth minimum of their depths (`response.potential`). A direction has one to four patches, as
+between other meshes: see `directions`.
 """
 
 from __future__ import annotations
@@ -45,24 +45,24 @@ from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import add_to_world, fill_origin
 
 _LEVER = 0.01
-"""Length by which rotations of the tool are compared to translations [m]."""
+"""Length that makes rotations of the tool comparable to translations [m]."""
 _LONGEST = 1.1
-"""The way out is at most this multiple of the least depth: 1.02 among random polyhedra."""
-_ALL = 1e-6
-"""Share of all facets in the region of a direction."""
-_ASTRAY = math.cos(math.radians(30.0))
-"""Cosine to a direction from which on a facet's normal counts for its region."""
+"""Bound on the way out over the least depth: up to 1.02 among random polyhedra."""
+_MIN_SHARE = 1e-6
+"""Least share of a face in the region of a direction."""
+_LEAST_COSINE = math.cos(math.radians(30.0))
+"""Cosine to a direction below which a face has no more than that share."""
 
 
 @inner_kernel
 def _share(z, n):
-    """Return how far a face of B, normal z (3,), counts for a direction n (3,), and its slope.
+    """Return the share of a face of B, normal z (3,), in a direction n (3,), and its derivative.
 
-    All count a little: on a sharp corner no face may have a normal near n.
+    It is positive for all faces, since at a sharp corner none may have a normal near n.
     """
     along = z[0] * n[0] + z[1] * n[1] + z[2] * n[2]
-    x = (along - _ASTRAY) / (1.0 - _ASTRAY)
-    return smooth_step(x) + _ALL, smooth_step_slope(x) / (1.0 - _ASTRAY)
+    x = (along - _LEAST_COSINE) / (1.0 - _LEAST_COSINE)
+    return smooth_step(x) + _MIN_SHARE, smooth_step_slope(x) / (1.0 - _LEAST_COSINE)
 
 
 @inner_kernel
@@ -82,9 +82,9 @@ def _fill_faces(table, query, count, region, faces_out):
 
 @inner_kernel
 def _fill_region(table, query, found, faces, sums_out):
-    """Fill the integrals over the region of a separation: of faces with normals near its own.
+    """Fill the integrals over the region of a separation: faces weighted by their shares.
 
-    Across two edges, and of a sphere, there is one deepest place: that region has no extent.
+    Two crossing edges, or a sphere, have a single deepest point: their region has no extent.
     """
     solids, deepest, at = table.polyhedra, sums_out.deepest, 0
     first = solids.first_face[query.second]
@@ -107,7 +107,7 @@ def _fill_region(table, query, found, faces, sums_out):
 
 
 @inner_kernel
-def _by_share(found, sums):
+def _rate_by_share(found, sums):
     """Return the derivative of the way out by the share of a face with these integrals."""
     total = found.volume_rate * sums.volume
     for k in range(3):
@@ -118,14 +118,14 @@ def _by_share(found, sums):
 
 
 @inner_kernel
-def _free_place(n, directions):
-    """Return which of the unused directions is nearest to n (3,); -1 if all are used.
+def _free_slot(n, directions):
+    """Return the number of the unused direction nearest to n (3,); -1 if all are used.
 
-    Friction and the last deepest place are remembered by its number.
+    Friction and the last deepest points are stored under this number.
     """
     best, most = np.int64(-1), -np.inf
     for d in range(MAX_DIRECTIONS):
-        along = -2.0  # beyond the six axes, where these are used
+        along = -2.0  # the others, after the six axes
         if d < DIRECTIONS:
             along = n[d // 2] if d % 2 == 0 else -n[d // 2]
         if directions[d].patches == 0 and along > most:
@@ -134,8 +134,8 @@ def _free_place(n, directions):
 
 
 @inner_kernel
-def _nearest_unknown(rows, used):
-    """Return the row with the least separation of those whose depth is not known; -1 for none."""
+def _nearest_unsearched(rows, used):
+    """Return the row with the least separation of those not yet searched; -1 for none."""
     at = np.int64(-1)
     for i in range(used):
         depth = rows[i].depth
@@ -146,7 +146,7 @@ def _nearest_unknown(rows, used):
 
 @inner_kernel
 def _simpler(rows, at):
-    """Return a row that may stand for row `at`, whose depth is not known either; else `at`."""
+    """Return an unsearched row of a simpler kind that may represent row `at`; else `at`."""
     found = rows[at]
     for j in range(at):
         other, depth = rows[j], rows[j].depth
@@ -158,8 +158,8 @@ def _simpler(rows, at):
 
 
 @inner_kernel
-def _keep_those_that_count(rows, used):
-    """Move the rows with a depth to the front; return how many there are."""
+def _keep_deep_rows(rows, used):
+    """Move the rows with a positive depth to the front; return their number."""
     kept = 0
     for i in range(used):
         if rows[i].depth > 0.0:
@@ -173,8 +173,8 @@ def _keep_those_that_count(rows, used):
 def find_polyhedron_separations(table, query, usual, space):
     """Fill `space.polyhedra` with the directions in which one polyhedron may leave the other.
 
-    Returns how deep facets have to be looked for [m]: none that overlap more along their own
-    normals decides about a direction that counts. It is 0 where the bodies are apart.
+    Returns the largest overlap of facets along their own normals that can matter for a direction
+    that counts [m]; 0 where the bodies are apart.
     """
     transform, centre = stack_array((3, 4)), stack_array((3,))
     fill_place_of_pair(query, transform, centre)
@@ -191,9 +191,9 @@ def find_polyhedron_separations(table, query, usual, space):
 
 @inner_kernel
 def polyhedron_way_out(model, parameters, query, count, memory, space, workspace):
-    """Return the way out of a convex polyhedron [m]; fill `space.directions`, and their rates.
+    """Return the way out of a convex polyhedron [m]; fill `space.directions` with their rates.
 
-    Of the separations found before (`find_polyhedron_separations`) those that count are kept.
+    Only those separations of `find_polyhedron_separations` that count are kept.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def polyhedron_way_out(model, parameters, query, count, memory, space, workspace
     parameters : ForceParameters
     query : BodyQuery
     count : int
-        Number of pairs of facets.
+        Number of facet pairs.
     memory : MeshMemory
         Only read.
     space : FacetSpace
@@ -217,20 +217,20 @@ def polyhedron_way_out(model, parameters, query, count, memory, space, workspace
         clear_record(space.directions[d])
         region.sums[d].deepest = deepest
     space.polyhedra.used[0] = 0
-    if deepest == -np.inf:  # nor do the facets come near each other
+    if deepest == -np.inf:  # no facets are near each other
         return 0.0
     for i in range(used):
         rows[i].depth, rows[i].gap_scale = np.nan, soft
         nearest = min(nearest, (rows[i].gap - rough) * soft)
     _fill_faces(table, query, count, region, space.polyhedra.faces)
-    at = _nearest_unknown(rows, used)
+    at = _nearest_unsearched(rows, used)
     while at >= 0:
         at = _simpler(rows, at)
         found = rows[at]
         found.depth = -np.inf
         is_far = (found.gap - rough) * soft >= _LONGEST * FARTHEST * max(least, nearest)
         if not is_far and not is_stood_for(rows, 0, at, least):
-            d = _free_place(found.normal, space.directions)
+            d = _free_slot(found.normal, space.directions)
             if d < 0:
                 space.manifold.count[0].dropped += 1
                 break  # all others are farther
@@ -238,15 +238,15 @@ def polyhedron_way_out(model, parameters, query, count, memory, space, workspace
             for k in range(3):
                 direction.normal[k] = found.normal[k]
             _fill_region(table, query, found, space.polyhedra.faces, region.sums[d])
-            which = (d, count, RATIO * _LONGEST * least, -1)
-            counts = search_direction(model, parameters, query, which, memory, space, workspace)
+            task = (d, count, RATIO * _LONGEST * least, -1)
+            counts = search_direction(model, parameters, query, task, memory, space, workspace)
             if direction.depth == 0.0 and (least == np.inf or counts):
                 return 0.0
             if counts:
                 found.depth = direction.depth
                 least = min(least, direction.depth)
-        at = _nearest_unknown(rows, used)
-    used = _keep_those_that_count(rows, used)
+        at = _nearest_unsearched(rows, used)
+    used = _keep_deep_rows(rows, used)
     if used == 0:
         return 0.0
     space.polyhedra.used[0] = used
@@ -257,8 +257,8 @@ def polyhedron_way_out(model, parameters, query, count, memory, space, workspace
 
 
 @inner_kernel
-def _turn_shares(table, query, space):
-    """Add how the way out changes as directions turn, and the shares of B's faces with them."""
+def _add_share_rates(table, query, space):
+    """Add the rates of the way out by the directions, through the shares of B's faces."""
     solids, faces = table.polyhedra, space.polyhedra.faces
     first = solids.first_face[query.second]
     for j in range(space.polyhedra.used[0]):
@@ -267,14 +267,14 @@ def _turn_shares(table, query, space):
             continue
         for f in range(solids.first_face[query.second + 1] - first):
             z = solids.normals[first + f]
-            rate = _share(z, direction.normal)[1] * _by_share(direction, faces[f])
+            rate = _share(z, direction.normal)[1] * _rate_by_share(direction, faces[f])
             for k in range(3):
                 direction.turn[k] += rate * z[k]
 
 
 @inner_kernel
 def _add_region_gradient(table, query, count, centre, space, gradient_io):
-    """Add how the way out changes as pieces of the regions do.
+    """Add the gradient of the way out through the pieces of the regions.
 
     `centre` (3,) is the point about which the tool turns, B's frame [m].
     """
@@ -296,9 +296,9 @@ def _add_region_gradient(table, query, count, centre, space, gradient_io):
 
 @inner_kernel
 def add_polyhedron_rest(table, query, count, parameters, way_out, space, rest_io):
-    """Add the gradient of the way out by all but the depths, world axes; that of k as well.
+    """Add to `rest_io` (6,) the gradient but for the depths, that of k included, world axes.
 
-    See `polyhedron_way_out`; `rest_io` is (6,).
+    See `polyhedron_way_out`.
     """
     centre, gradient = stack_array((3,)), stack_array((6,))
     fill_origin(query.frame_b, centre)
@@ -314,7 +314,7 @@ def add_polyhedron_rest(table, query, count, parameters, way_out, space, rest_io
         stiffness = space.stiffness[query.body]
         add_stiffness_rates(table, count, parameters, stiffness, way_out, space.region)
     if is_split:
-        _turn_shares(table, query, space)
+        _add_share_rates(table, query, space)
     if is_split or varies:
         _add_region_gradient(table, query, count, centre, space, gradient)
     for j in range(space.polyhedra.used[0]):

@@ -1,10 +1,10 @@
 """The directions in which one convex polyhedron can leave another, and their separations.
 
 For two convex polyhedra the least translation that separates them is along the normal of a face of
-either, or along the cross product of two edges whose arcs cross on the Gauss map: the normals
-beside the one edge turn into each other past those beside the other (Gregorius, GDC 2013). As
-between geoms (`separations`) each of these is a `SEPARATION`, with g(n), how far A has to move
-along n until a plane across n separates the two. All is in B's frame; rates are by A's motion.
+either, or along the cross product of two edges whose arcs cross on the Gauss map (Gregorius, GDC
+2013). As between geoms (`separations`) each of these is a `SEPARATION` with g(n), the distance that
+A has to move along n until a plane across n separates the two. All is in B's frame; rates are
+derivatives by A's motion.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from asperity.contact.manifold.separation import (
 from asperity.geometry.frames import fill_origin
 
 _PARALLEL = 0.03
-"""Sine of the angle between two edges below which their direction does not count."""
+"""Sine of the angle between two edges below which their direction is ignored."""
 _SHALLOW, _DEEP = 0.6, 0.9
-"""Separation over a sphere's radius between which its direction is smoothed out."""
-_GRAIN = 1e-9
-"""Relative difference between lengths that count as equal."""
+"""Separations over a sphere's radius between which its direction is blended out."""
+_ROUNDING = 1e-9
+"""Relative difference below which lengths count as equal."""
 _AT_END, _OFF_END = 1.0, 0.9998
-"""Cosines to the normal of a face beside an edge between which a direction across it is smoothed
-out (1 degree): where arcs cease to cross, it is that normal."""
+"""Cosines to the normal of a face beside an edge between which a direction across the edge is
+blended out (1 degree): where arcs cease to cross, the direction equals that normal."""
 
 
 class PolyhedronPair(NamedTuple):
@@ -64,29 +64,29 @@ class PolyhedronPair(NamedTuple):
     centre: NDArray[np.float64]
     """Point about which A turns, B's frame [m], (3,)."""
     rough: float
-    """How far textures rise above or fall below both surfaces at most [m]."""
+    """Upper bound on how far textures rise above or fall below both surfaces [m]."""
     wide: float
-    """Multiple of the usual separation up to which a direction may count, 1 or more."""
+    """Factor, 1 or more, on the separation up to which a direction may count."""
 
 
 @inner_kernel
 def is_polyhedron_pair(table, query):
-    """Return whether B of a `BodyQuery` is a convex polyhedron, and A one or a sphere."""
+    """Return whether B of a `BodyQuery` is a convex polyhedron, and A a polyhedron or a sphere."""
     first, (a, b) = table.polyhedra.first_face, (query.first, query.second)
     is_solid = first[a] < first[a + 1] or table.polyhedra.ball[a, 3] > 0.0
     return is_solid and first[b] < first[b + 1]
 
 
 @inner_kernel
-def _turned(transform, v, out):
-    """Fill a vector (3,) of A's frame, turned into B's."""
+def _rotate(transform, v, out):
+    """Fill a vector (3,) of A's frame, rotated into B's."""
     for i in range(3):
         out[i] = transform[i, 0] * v[0] + transform[i, 1] * v[1] + transform[i, 2] * v[2]
 
 
 @inner_kernel
 def _support_of_b(pair, n, point_out):
-    """Return how far B reaches along n [m]; fill its farthest corner (3,)."""
+    """Return B's support function along n [m]; fill its support point (3,)."""
     corners, first, far = pair.shapes.corners, pair.shapes.first_corner, -np.inf
     best = first[pair.second]
     for c in range(first[pair.second], first[pair.second + 1]):
@@ -99,20 +99,20 @@ def _support_of_b(pair, n, point_out):
 
 
 @inner_kernel
-def _fill_middle(pair, middle_out):
+def _fill_centre(pair, middle_out):
     """Fill the centre (3,) of A, a sphere [m]."""
-    _turned(pair.transform, pair.shapes.ball[pair.first], middle_out)
+    _rotate(pair.transform, pair.shapes.ball[pair.first], middle_out)
     for i in range(3):
         middle_out[i] += pair.transform[i, 3]
 
 
 @inner_kernel
 def _support_of_a(pair, n, point_out):
-    """Return how far A reaches along -n [m], negative; fill its farthest corner (3,)."""
+    """Return minus A's support function along -n [m]; fill its support point (3,)."""
     corners, first, t = pair.shapes.corners, pair.shapes.first_corner, pair.transform
     best, near, ball = first[pair.first], np.inf, pair.shapes.ball[pair.first]
     if ball[3] > 0.0:
-        _fill_middle(pair, point_out)
+        _fill_centre(pair, point_out)
         near = -ball[3]
         for i in range(3):
             near += n[i] * point_out[i]
@@ -127,7 +127,7 @@ def _support_of_a(pair, n, point_out):
         along = x * corners[c, 0] + y * corners[c, 1] + z * corners[c, 2]
         if along < near:
             best, near = c, along
-    _turned(t, corners[best], point_out)
+    _rotate(t, corners[best], point_out)
     for i in range(3):
         near += n[i] * t[i, 3]
         point_out[i] += t[i, 3]
@@ -135,8 +135,8 @@ def _support_of_a(pair, n, point_out):
 
 
 @inner_kernel
-def _begin(found, pair, kind):
-    """Set a separation to one that does not turn with A."""
+def _reset(found, pair, kind):
+    """Reset a separation to full share and a direction that does not turn with A."""
     found.kind, found.part, found.share = kind, 0, 1.0
     found.scale = found.gap_scale = 1.0
     found.rough = pair.rough
@@ -147,25 +147,25 @@ def _begin(found, pair, kind):
 
 @inner_kernel
 def _fill_gap(pair, found):
-    """Fill g of a separation whose direction is known."""
+    """Fill g of a separation from its direction."""
     p = stack_array((3,))
     found.gap = _support_of_b(pair, found.normal, p) - _support_of_a(pair, found.normal, p)
 
 
 @inner_kernel
 def _add_faces(pair, rows):
-    """Add the normals of all faces, pointing out of B; return how many there are."""
+    """Add the normals of all faces, pointing out of B; return their number."""
     shapes, count = pair.shapes, np.int64(0)
     for side in range(2):
         body = pair.second if side == 0 else pair.first
         for f in range(shapes.first_face[body], shapes.first_face[body + 1]):
             found = rows[count]
-            _begin(found, pair, FACE_B if side == 0 else FACE_A)
+            _reset(found, pair, FACE_B if side == 0 else FACE_A)
             if side == 0:
                 for i in range(3):
                     found.normal[i] = shapes.normals[f, i]
             else:
-                _turned(pair.transform, shapes.normals[f], found.normal)
+                _rotate(pair.transform, shapes.normals[f], found.normal)
                 for i in range(3):
                     found.normal[i] = -found.normal[i]
                 turn_with_tool(found)
@@ -178,8 +178,8 @@ def _add_faces(pair, rows):
 def _arcs_cross(one, beside_one, two, beside_two):
     """Return whether the arcs of an edge of A and one of B cross on the Gauss map.
 
-    `beside_one` (2, 3) are the normals beside A's edge, turned round, `beside_two` (2, 3) those
-    beside B's; `one` and `two` (3,) are along the edges, and perpendicular to their normals.
+    `beside_one` (2, 3) are the negative face normals beside A's edge, `beside_two` (2, 3) the
+    normals beside B's; `one` and `two` (3,) are the directions of the edges.
     """
     c = two[0] * beside_one[0, 0] + two[1] * beside_one[0, 1] + two[2] * beside_one[0, 2]
     d = two[0] * beside_one[1, 0] + two[1] * beside_one[1, 1] + two[2] * beside_one[1, 2]
@@ -191,8 +191,8 @@ def _arcs_cross(one, beside_one, two, beside_two):
 
 
 @inner_kernel
-def _fade_towards(end, turns, found):
-    """Smooth out the direction across two edges near the normal `end` (3,) of a face beside one.
+def _blend_out_near(end, turns, found):
+    """Blend out the direction across two edges near the normal `end` (3,) of a face beside one.
 
     `turns` is whether the face is A's, and turns with it.
     """
@@ -216,16 +216,16 @@ def _fade_towards(end, turns, found):
 
 @inner_kernel
 def _add_edges(pair, edges, floor, rows, count):
-    """Add the cross products of the edges whose arcs cross; return how many rows there are.
+    """Add the cross products of edges whose arcs cross; return the number of rows.
 
-    `edges` (MOST_EDGES, 3, 3) is memory for A's edges.
+    `edges` (MOST_EDGES, 3, 3) is scratch memory for A's edges.
     """
     shapes, first = pair.shapes, pair.shapes.first_edge[pair.first]
     number = shapes.first_edge[pair.first + 1] - first
     for e in range(number):
-        _turned(pair.transform, shapes.along[first + e], edges[e, 0])
+        _rotate(pair.transform, shapes.along[first + e], edges[e, 0])
         for k in range(2):
-            _turned(pair.transform, shapes.beside[first + e, k], edges[e, 1 + k])
+            _rotate(pair.transform, shapes.beside[first + e, k], edges[e, 1 + k])
             for i in range(3):
                 edges[e, 1 + k, i] = -edges[e, 1 + k, i]
     across = stack_array((3,))
@@ -241,14 +241,14 @@ def _add_edges(pair, edges, floor, rows, count):
                 towards += across[i] * (beside[0, i] + beside[1, i])
                 toward_a += across[i] * (edges[e, 1, i] + edges[e, 2, i])
             if towards * toward_a <= 0.0:
-                continue  # the arcs lie opposite to each other
+                continue  # the arcs are on opposite hemispheres
             found = rows[count]
-            _begin(found, pair, EDGES)
+            _reset(found, pair, EDGES)
             if not fill_cross_rates(one, two, 1.0 if towards > 0.0 else -1.0, _PARALLEL, found):
                 continue
             for k in range(2):
-                _fade_towards(beside[k], False, found)
-                _fade_towards(edges[e, 1 + k], True, found)
+                _blend_out_near(beside[k], False, found)
+                _blend_out_near(edges[e, 1 + k], True, found)
             if found.share > 0.0:
                 _fill_gap(pair, found)
                 count = keep_if_near(rows, count, floor, pair.rough)
@@ -257,7 +257,7 @@ def _add_edges(pair, edges, floor, rows, count):
 
 @inner_kernel
 def _distance_along(pair, place, n):
-    """Return how far a place (3,) lies before B along a unit vector n (3,) [m]."""
+    """Return the distance of a point (3,) from B's supporting plane along n (3,) [m]."""
     p = stack_array((3,))
     far = -_support_of_b(pair, n, p)
     for i in range(3):
@@ -266,8 +266,8 @@ def _distance_along(pair, place, n):
 
 
 @inner_kernel
-def _fill_from(place, start, along, n_out):
-    """Fill the unit vector (3,) towards a place from a point, or from a line along `along` (3,).
+def _fill_direction_to(place, start, along, n_out):
+    """Fill the unit vector (3,) to `place` from a line through `start` along `along` (3,).
 
     `along` is 0 for a point. Returns the distance [m].
     """
@@ -284,33 +284,33 @@ def _fill_from(place, start, along, n_out):
 
 
 @inner_kernel
-def _add_nearest(pair, floor, rows, count):
-    """Add the direction from the point of B that is nearest to a sphere's centre, off its faces.
+def _add_closest(pair, floor, rows, count):
+    """Add the direction to a sphere's centre from B's closest point, if on an edge or a corner.
 
-    Of all directions from faces, edges and corners it is the one along which the centre lies
-    farthest before B. It counts less where the sphere is deep, as between geoms.
+    Of all directions from faces, edges and corners it is the one along which the centre is farthest
+    from B's supporting plane. Its share falls where the sphere is deep, as between geoms.
     """
     shapes, b, found = pair.shapes, pair.second, rows[count]
     middle, n, along, arm, turn = (
         stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,)),
         stack_array((3,)),
     )  # fmt: skip
-    _fill_middle(pair, middle)
-    _begin(found, pair, CURVED)
+    _fill_centre(pair, middle)
+    _reset(found, pair, CURVED)
     far, apart = 0.0, 0.0
     for f in range(shapes.first_face[b], shapes.first_face[b + 1]):
         far = max(far, _distance_along(pair, middle, shapes.normals[f]))
-    nearest, is_off = far * (1.0 + _GRAIN) + _GRAIN * shapes.ball[pair.first, 3], False
+    nearest, is_off = far * (1.0 + _ROUNDING) + _ROUNDING * shapes.ball[pair.first, 3], False
     clear(along)
     for c in range(shapes.first_corner[b], shapes.first_corner[b + 1]):
-        size = _fill_from(middle, shapes.corners[c], along, n)
+        size = _fill_direction_to(middle, shapes.corners[c], along, n)
         far = _distance_along(pair, middle, n)
         if far > nearest:
             nearest, apart, is_off = far, size, True
             for i in range(3):
                 found.normal[i], turn[i] = n[i], 0.0
     for e in range(shapes.first_edge[b], shapes.first_edge[b + 1]):
-        size = _fill_from(middle, shapes.end[e], shapes.along[e], n)
+        size = _fill_direction_to(middle, shapes.end[e], shapes.along[e], n)
         far = _distance_along(pair, middle, n)
         if far >= nearest:
             nearest, apart, is_off = far, size, True
@@ -340,7 +340,7 @@ def _add_nearest(pair, floor, rows, count):
 
 @inner_kernel
 def fill_polyhedron_separations(pair, edges, rows):
-    """Fill the directions in which A may leave B; return how many there are.
+    """Fill the directions in which A may leave B; return their number.
 
     Parameters
     ----------
@@ -348,7 +348,7 @@ def fill_polyhedron_separations(pair, edges, rows):
     edges : (MOST_EDGES, 3, 3) array
         Scratch memory.
     rows : SEPARATION records
-        Filled; 0 where the two are apart even at their textures' highest points.
+        Filled; none where even the textures' highest points are apart.
     """
     rough = pair.rough
     count, least = _add_faces(pair, rows), np.inf
@@ -358,7 +358,7 @@ def fill_polyhedron_separations(pair, edges, rows):
         return np.int64(0)
     floor = LONGEST * FARTHEST * pair.wide * (least + rough)
     if pair.shapes.ball[pair.first, 3] > 0.0:
-        count = _add_nearest(pair, floor, rows, count)
+        count = _add_closest(pair, floor, rows, count)
     else:
         count = _add_edges(pair, edges, floor, rows, count)
     for i in range(count):
