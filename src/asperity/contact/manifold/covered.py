@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from asperity.contact.body_arrays import Geometry
 
 _BOX, _CYLINDER = KINDS.index("box"), KINDS.index("cylinder")
-_GRAIN = 1e-6
-"""A face counts as covered if it is closer than this, relative to its size, to a geom."""
+_TOLERANCE = 1e-6
+"""Distance over a face's size within which another geom covers it."""
 
 
 def covered_faces(
     geometry: Geometry, frames: NDArray[np.float64], group: NDArray[Any]
 ) -> NDArray[np.int64]:
-    """Return which flat faces of each geom another geom of its rigid body covers.
+    """Return which flat faces of each geom are covered by another geom of its rigid body.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def covered_faces(
     Returns
     -------
     (geoms,) array
-        Bit `2 axis + side` for each face: of a box all six, of a cylinder those along its axis.
+        Bit `2 axis + side` for each face: all six of a box, the two ends of a cylinder.
     """
     covered = np.zeros(len(geometry.kind), np.int64)
     axes, centres = _geom_frames(geometry, frames)
@@ -64,30 +64,30 @@ def _geom_frames(
 
 
 def _radius(kind: int, size: NDArray[np.float64]) -> float:
-    """Return the radius of a sphere round a geom [m]; infinite for a plane."""
+    """Return the radius of a geom's bounding sphere [m]; infinite for a plane."""
     return np.inf if KINDS[kind] == "plane" else float(np.linalg.norm(size) + size[0])
 
 
 def _corners(geometry: Geometry, g: int, axis: int, sign: int) -> NDArray[np.float64]:
-    """Return points (n, 3) just outside a flat face, just within its corners or its rim."""
+    """Return the corners (n, 3) of a flat face or its rim, moved slightly outwards and inwards."""
     size = geometry.size[g]
     if geometry.kind[g] == _CYLINDER:
         turn = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
-        rim = size[0] * (1.0 - _GRAIN)
+        rim = size[0] * (1.0 - _TOLERANCE)
         rows = np.column_stack([rim * np.cos(turn), rim * np.sin(turn), np.zeros(32)])
         half = size[1]
     else:
         signs = np.array([(i, j) for i in (-1, 1) for j in (-1, 1)], dtype=float)
         rows = np.zeros((4, 3))
         rows[:, [(axis + 1) % 3, (axis + 2) % 3]] = signs
-        rows *= size * (1.0 - _GRAIN)
+        rows *= size * (1.0 - _TOLERANCE)
         half = size[axis]
-    rows[:, axis] = sign * (half + _GRAIN * size.max())
+    rows[:, axis] = sign * (half + _TOLERANCE * size.max())
     return rows
 
 
 def _inside(kind: int, size: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which points (3, n) lie within a geom, in its own frame."""
+    """Return which points (3, n), given in a geom's frame, lie within it."""
     name = KINDS[kind]
     inside: NDArray[np.bool_] = np.zeros(p.shape[1], bool)
     across = np.hypot(p[0], p[1])

@@ -1,4 +1,7 @@
-"""Pairs of geoms that may touch, the parts of the contact that they form, and its memory."""
+"""Pairs of geoms that may touch, the parts of a contact that they form, and the contact's memory.
+
+A part is one or more pairs whose only way out is the same direction, or a single other pair.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +17,12 @@ from asperity.contact.manifold.separation import aligned_on, fill_geom_frame, is
 from asperity.contact.manifold.separations import fill_separations
 
 _SAME_PATCH = 0.5
-"""A contact continues a remembered one if the cosine between their normals is above this."""
+"""Cosine between normals above at a contact continues one of the last tick."""
 
 
 @inner_kernel
 def _find_pair(memory, count, g, h):
-    """Return the row of the pair of geoms `g` and `h` among the first `count`; -1 if none is."""
+    """Return the row of geoms `g` and `h` among the first `count` pairs; -1 if there is none."""
     for i in range(count):
         if memory.pairs[i].geom_a == g and memory.pairs[i].geom_b == h:
             return i
@@ -28,7 +31,7 @@ def _find_pair(memory, count, g, h):
 
 @inner_kernel
 def collect_pairs(scene, candidates, memory):
-    """Fill `memory.pairs` with the pairs of geoms that MuJoCo found, each once."""
+    """Fill `memory.pairs` with the pairs of geoms that MuJoCo found, without duplicates."""
     count, body = np.int64(0), scene.geometry.body
     for c in range(candidates.count):
         g, h = scene.geom_number[candidates.geoms[c, 0]], scene.geom_number[candidates.geoms[c, 1]]
@@ -48,7 +51,7 @@ def collect_pairs(scene, candidates, memory):
 
 @inner_kernel
 def _relief(textures, geometry, pair):
-    """Return how far the textures of a pair rise above or fall below its surfaces at most [m]."""
+    """Return an upper bound on the sum of |height| of a pair's textures [m]."""
     total = 0.0
     for g in (pair.geom_a, pair.geom_b):
         texture = geometry.texture[geometry.surface[g]]
@@ -59,20 +62,20 @@ def _relief(textures, geometry, pair):
 
 @inner_kernel
 def _steepness(textures, geometry, pair):
-    """Return a bound of the slopes of both textures together [-]."""
+    """Return an upper bound on the sum of the slopes of a pair's textures [-]."""
     steep = 0.0
     for g in (pair.geom_a, pair.geom_b):
         texture = geometry.texture[geometry.surface[g]]
         if texture >= 0:
-            # Landau's inequality: a height within h whose curvature is at most c.
+            # Landau's inequality for |height| <= h and |curvature| <= c.
             found = textures.maps[texture]
             steep += math.sqrt(2.0 * found.max_abs_height * found.max_curvature)
     return steep
 
 
 @inner_kernel
-def _has_map_of(geometry, g, h):
-    """Return whether two geoms have the same map of stiffness, or both none."""
+def _share_map(geometry, g, h):
+    """Return whether two geoms have the same stiffness map, or both none."""
     maps, surface = geometry.stiffness_map, geometry.surface
     return maps[surface[g]] == maps[surface[h]]
 
@@ -88,16 +91,16 @@ def _stiffness_range(textures, geometry, surface):
 
 @inner_kernel
 def _same_part(geometry, memory, used, found):
-    """Return the row of the only direction of a part that is that of `found`, same body; -1: none.
+    """Return the row of the only direction of a part that equals `found`'s, or -1.
 
-    Its surfaces have to be as stiff, and as rough to friction.
+    Body, stiffness and friction have to be equal too.
     """
     for i in range(used):
         other = memory.separations[i]
         is_same = geometry.body[other.geom_b] == geometry.body[found.geom_b]
         is_same = is_same and other.scale == found.scale and other.friction == found.friction
-        is_same = is_same and _has_map_of(geometry, other.geom_a, found.geom_a)
-        is_same = is_same and _has_map_of(geometry, other.geom_b, found.geom_b)
+        is_same = is_same and _share_map(geometry, other.geom_a, found.geom_a)
+        is_same = is_same and _share_map(geometry, other.geom_b, found.geom_b)
         if is_same and is_same_way(memory.separations, used, i, found):
             return i
     return -1
@@ -105,16 +108,14 @@ def _same_part(geometry, memory, used, found):
 
 @inner_kernel
 def find_parts(textures, geometry, frames, centre, parameters, memory):
-    """Fill the directions along which each pair may separate, and the part of each pair.
-
-    Pairs with one direction, the same one, are one part; others are a part each.
+    """Fill the directions along at each pair may separate, and assign each pair to a part.
 
     Parameters
     ----------
     frames : (bodies, 3, 4) array
         Of the bodies.
     centre : (3,) array
-        The tool's centre of mass, from which all places are measured [m].
+        The tool's centre of mass, the origin of all positions [m].
     parameters : ForceParameters
     """
     used, parts = np.int64(0), np.int64(0)
@@ -136,7 +137,7 @@ def find_parts(textures, geometry, frames, centre, parameters, memory):
         low_a, high_a = _stiffness_range(textures, geometry, one)
         low_b, high_b = _stiffness_range(textures, geometry, two)
         stiffness = pair_stiffness(low_a, low_b, parameters.stiffness)
-        # A way out where a map is stiff may be as long as a farther one where it is soft.
+        # Scaled by stiffness maps, a farther way out may be as short as a nearer one.
         wide = math.sqrt(pair_stiffness(high_a, high_b, parameters.stiffness) / stiffness)
         aligned = aligned_on(_steepness(textures, geometry, pair))
         count = fill_separations(geometry, pair, frame, (rough, aligned), wide, rows)
@@ -163,11 +164,11 @@ def find_parts(textures, geometry, frames, centre, parameters, memory):
 
 @inner_kernel
 def recall_patch(memory, body, normal, patch_out):
-    """Copy point and bristle of the remembered contact that one with this normal continues.
+    """Copy point and bristle of the last tick's patch that a contact with this normal continues.
 
-    `normal` (3,) is in the body's frame. The point is nan if there is none.
+    `normal` (3,) is in the body's frame. The point is nan if there is no such patch.
     """
-    best, which = _SAME_PATCH, -1
+    best, at = _SAME_PATCH, -1
     for j in range(memory.state[0].last_patches):
         last = memory.last_patches[j]
         if last.body != body:
@@ -176,17 +177,17 @@ def recall_patch(memory, body, normal, patch_out):
         for k in range(3):
             along += normal[k] * last.normal[k]
         if along > best:
-            best, which = along, j
+            best, at = along, j
     patch_out.body = body
     for k in range(3):
         patch_out.normal[k] = normal[k]
-        patch_out.point[k] = memory.last_patches[which].point[k] if which >= 0 else math.nan
-        patch_out.bristle[k] = memory.last_patches[which].bristle[k] if which >= 0 else 0.0
+        patch_out.point[k] = memory.last_patches[at].point[k] if at >= 0 else math.nan
+        patch_out.bristle[k] = memory.last_patches[at].bristle[k] if at >= 0 else 0.0
 
 
 @inner_kernel
 def _add_geom(geoms, count, g):
-    """Append a geom unless it is among the first `count`; return how many there are."""
+    """Append a geom unless it is among the first `count`; return the new count."""
     for j in range(count):
         if geoms[j] == g:
             return count
@@ -196,7 +197,7 @@ def _add_geom(geoms, count, g):
 
 @inner_kernel
 def geoms_of_part(memory, part):
-    """Fill the geoms of a part, each once; return how many of the tool and of the scene."""
+    """Fill the geoms of a part, without duplicates; return their numbers of tool and scene."""
     count_a = count_b = 0
     for i in range(memory.state[0].pairs):
         pair = memory.pairs[i]

@@ -1,9 +1,8 @@
-"""Whether an overlap that two facets seem to have is one: a test by a line through both bodies.
+"""A ray test of whether the overlap of two facets is one of the bodies.
 
 A facet of A may lie behind a facet of B though the bodies are apart: across a cavity, or a thin
-wall. While the tool moves slowly, a contact begins at the surface and no such pair counts. But at
-a first pose, or after a jump, nothing is known, and each pair is tested: A behind its facet and B
-behind the other must together be thicker than the facets are apart.
+wall. Along a ray from one facet to the other, the thicknesses of A and B behind their facets must
+together cover the distance between the facets.
 """
 
 from __future__ import annotations
@@ -15,26 +14,26 @@ from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import FacetTable
 from asperity.geometry.frames import to_body, to_world
 
-_AT_END = 1e-9
-"""A facet is not crossed by a line along it (cosine), or at its ends [m]."""
+_LEAST = 1e-9
+"""Least cosine between ray and facet normal, and least distance from the ray's start [m]."""
 _TOWARDS_MIDDLE = 0.0137
-"""A corner is tested so far towards the middle of its piece: not on an edge of a body."""
+"""Fraction by which a tested corner is moved towards the middle of its piece, off any edge."""
 _MAX_CROSSINGS = 32
 
 
 @inner_kernel
 def _crossing(table: FacetTable, g, start, along, length):
-    """Return where a line crosses facet `g` [m], inf if nowhere, and whether it leaves the body.
+    """Return where a ray crosses facet `g` [m], inf if nowhere, and whether it leaves the body.
 
-    The line goes from `start` (3,) along a unit vector (3,), both in the body's frame, as far as
-    `length` [m].
+    The ray goes from `start` (3,) along a unit vector (3,), both in the body's frame, for `length`
+    [m].
     """
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     cosine = along[0] * z[0] + along[1] * z[1] + along[2] * z[2]
-    if abs(cosine) < _AT_END:
+    if abs(cosine) < _LEAST:
         return np.inf, False
     t = ((o[0] - start[0]) * z[0] + (o[1] - start[1]) * z[1] + (o[2] - start[2]) * z[2]) / cosine
-    if t < _AT_END or t > length:
+    if t < _LEAST or t > length:
         return np.inf, False
     a = b = 0.0
     for k in range(3):
@@ -51,9 +50,9 @@ def _crossing(table: FacetTable, g, start, along, length):
 
 @inner_kernel
 def _thickness(table: FacetTable, body, start, along, length, stack):
-    """Return how far a body reaches inwards from its surface, at most `length` [m].
+    """Return the thickness of a body along a ray from its surface inwards, at most `length` [m].
 
-    See `_crossing`. Parts of a body that overlap, or that lie against each other, are one.
+    See `_crossing`. Overlapping or touching parts of a body are one.
     """
     at, count, top = stack_array((2, _MAX_CROSSINGS)), 0, 1
     stack[0, 0] = table.root[body]
@@ -77,8 +76,8 @@ def _thickness(table: FacetTable, body, start, along, length, stack):
                 continue
             if count == _MAX_CROSSINGS:
                 return length
-            # Sorted; the next part begins before the last one ends.
-            t, layer = (t, -1.0) if leaves else (t - _AT_END, 1.0)
+            # Sorted, so that a touching part begins before the previous one ends.
+            t, layer = (t, -1.0) if leaves else (t - _LEAST, 1.0)
             i = count
             while i > 0 and at[0, i - 1] > t:
                 at[0, i], at[1, i] = at[0, i - 1], at[1, i - 1]
@@ -95,7 +94,7 @@ def _thickness(table: FacetTable, body, start, along, length, stack):
 
 @inner_kernel
 def _overlaps(table: FacetTable, f, g, place, query, stack):
-    """Return whether A behind facet `f` and B behind `g` overlap at a place x, y, d on `g`."""
+    """Return whether A behind facet `f` and B behind `g` overlap at the point x, y, d on `g`."""
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     on_b, down, on_a, up = (
         stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,)),
@@ -120,9 +119,10 @@ def _overlaps(table: FacetTable, f, g, place, query, stack):
 
 @inner_kernel
 def is_across_cavity(table: FacetTable, f, g, piece, query, region):
-    """Return whether a piece of facet `f` of A lies behind facet `g` of B, with no overlap between.
+    """Return whether facet `f` of A lies behind facet `g` of B without an overlap of the bodies.
 
-    A piece that reaches the facet does not. Else its deepest corner and its middle are tested.
+    This is false for a piece that reaches the facet. Else its deepest corner and its middle are
+    tested.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def is_across_cavity(table: FacetTable, f, g, piece, query, region):
     deepest = 0
     for i in range(count):
         corner = region.polygon[here, i]
-        if corner[2] <= _AT_END:
+        if corner[2] <= _LEAST:
             return False
         if corner[2] > region.polygon[here, deepest, 2]:
             deepest = i

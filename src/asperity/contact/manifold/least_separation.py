@@ -1,7 +1,8 @@
 """The direction of least separation of two geoms of which one is curved.
 
-It is found by Newton's method on the unit sphere, for smoothed geoms: the separation of the true
-ones has corners. The direction's derivatives follow from the implicit function theorem.
+It is found by Newton's method on the unit sphere, for smoothed support functions: the exact ones
+are not differentiable everywhere. The direction's derivatives follow from the implicit function
+theorem.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ from asperity.contact.manifold.support import (
 from asperity.contact.narrow_phase.geom_depth import frame_round
 
 _SHALLOW, _DEEP = 0.6, 0.9
-"""Separation over the radius of curvature between which a curved direction is smoothed out."""
-_STEPS = 60
+"""Separations over the radius of curvature between which a curved direction is blended out."""
+_MAX_STEPS = 60
 
 
 @inner_kernel
 def _fill_core(size, kind, out):
-    """Fill the half sides (3,) of the box that remains of a geom when it is worn down evenly."""
+    """Fill the half sides (3,) of a geom's core: its box, each less the least one."""
     out[0] = out[1] = size[0]
     out[2] = size[0]
     if kind == CYLINDER:
@@ -54,8 +55,8 @@ def _fill_core(size, kind, out):
 
 
 @inner_kernel
-def _nearest_in(frame, core, point, out):
-    """Fill the point (3,) of a box nearest to another point."""
+def _closest_in(frame, core, point, out):
+    """Fill the point (3,) of a box closest to another point."""
     for i in range(3):
         out[i] = frame[i, 3]
     for k in range(3):
@@ -69,7 +70,7 @@ def _nearest_in(frame, core, point, out):
 
 @inner_kernel
 def _fill_seed(geometry, pair, frames, n):
-    """Fill a first direction: between the nearest points of both, worn down evenly."""
+    """Fill the start direction: between the closest points of both cores."""
     a, b = pair.geom_a, pair.geom_b
     core_a, core_b = stack_array((3,)), stack_array((3,))
     p, q = stack_array((3,)), stack_array((3,))
@@ -78,8 +79,8 @@ def _fill_seed(geometry, pair, frames, n):
     for i in range(3):
         p[i] = frames[0, i, 3]
     for _ in range(8):
-        _nearest_in(frames[1], core_b, p, q)
-        _nearest_in(frames[0], core_a, q, p)
+        _closest_in(frames[1], core_b, p, q)
+        _closest_in(frames[0], core_a, q, p)
     length = 0.0
     for i in range(3):
         n[i] = p[i] - q[i]
@@ -124,15 +125,15 @@ def _tangential(hessian, t, i, j):
 
 @inner_kernel
 def _descend(geometry, pair, frames, n, t, hessian):
-    """Move n to where the smoothed separation is least; return (m11, m12, m22), g.
+    """Minimise the smoothed separation over n; return m11, m12, m22, g.
 
     The first three are the Hessian in the plane of the first two rows of the frame `t` (3, 3): the
-    radii of curvature of the Minkowski difference less g [m]. `hessian` (3, 3) is filled too.
+    radii of curvature of the Minkowski difference less g [m]. `t` and `hessian` (3, 3) are filled.
     """
     gradient, trial = stack_array((3,)), stack_array((3,))
     gap = _smooth_separation(geometry, pair, frames, n, gradient, hessian)
     m11 = m12 = m22 = 0.0
-    for _ in range(_STEPS):
+    for _ in range(_MAX_STEPS):
         frame_round(n, t)
         g1 = g2 = 0.0
         for i in range(3):
@@ -142,7 +143,7 @@ def _descend(geometry, pair, frames, n, t, hessian):
         m12 = _tangential(hessian, t, 0, 1)
         m22 = _tangential(hessian, t, 1, 1) - gap
         half, root = 0.5 * (m11 + m22), math.sqrt(0.25 * (m11 - m22) ** 2 + m12 * m12)
-        shift = max(0.0, 0.1 * abs(gap) - (half - root))  # where it is not convex
+        shift = max(0.0, 0.1 * abs(gap) - (half - root))  # regularised where it is not convex
         a, c = m11 + shift, m22 + shift
         det = a * c - m12 * m12
         d1, d2 = -(c * g1 - m12 * g2) / det, -(a * g2 - m12 * g1) / det
@@ -190,7 +191,7 @@ def add_curved(geometry, pair, frames, floor, rough, rows, count):
             fill_gap(geometry, frames[0], frames[1], found)
             return count + 1
         return count
-    # The implicit function theorem: how the least moves with the tool.
+    # The implicit function theorem: how the minimum moves with the tool.
     gradient, own = stack_array((3,)), stack_array((3, 3))
     omega, turn, arm, moved = (
         stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,)),

@@ -1,10 +1,10 @@
 """The mean normal of a direction of contact between meshes, and its derivative.
 
 It is the mean of B's facet normals over the overlap region, weighted by the volume of the overlap,
-and turned towards the mean of those normals within 20 degrees of it: so a chamfer beside a wide
-face does not tilt the normal of the face. The less of the region has such normals, the more the
-mean itself counts: between two faces that both deviate by more it is all there is, and a tool that
-moves round the edge between them must see no jump.
+blended with the mean of only those normals within 20 degrees of it: so a chamfer beside a wide face
+does not tilt the normal of the face. The blending weight is the fraction of the volume with such
+normals. At an edge between two faces that both deviate by more it is 0, so that the normal is
+continuous as the tool moves round the edge.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from typing import NamedTuple
 from asperity._core.kernels import inner_kernel
 from asperity._core.stack import stack_array
 
-_ASTRAY = math.cos(math.radians(20.0))
-"""Cosine to the mean from which on a facet's normal counts for the direction's."""
+_LEAST_COSINE = math.cos(math.radians(20.0))
+"""Least cosine to the mean of a facet normal that counts as near it."""
 
 
 class _Near(NamedTuple):
-    """Facets whose normal is near the mean."""
+    """Sums over facets whose normal is near the mean."""
 
     size: float
-    """Length of the sum of their normals, weighted [m^3]."""
+    """Length of the weighted sum of their normals [m^3]."""
     share: float
-    """Part of the volume that they have."""
+    """Their fraction of the volume: the blending weight."""
     total: float
     """Volume of all facets [m^3]."""
 
 
 @inner_kernel
 def _sum_near(table, count, d, region, mean, near_out):
-    """Fill the unit mean (3,) of the normals near `mean`, itself if none is; return a `_Near`."""
+    """Fill the unit mean (3,) of normals near `mean`, or `mean` if none is; return a `_Near`."""
     x = y = z = near = total = 0.0
     for i in range(count):
         volume = region.volumes[i, d]
@@ -41,7 +41,7 @@ def _sum_near(table, count, d, region, mean, near_out):
         f = table.axes[region.facets.pairs[i, 1], 2]
         along = f[0] * mean[0] + f[1] * mean[1] + f[2] * mean[2]
         total += volume
-        volume *= max((along - _ASTRAY) / (1.0 - _ASTRAY), 0.0)
+        volume *= max((along - _LEAST_COSINE) / (1.0 - _LEAST_COSINE), 0.0)
         near += volume
         x, y, z = x + volume * f[0], y + volume * f[1], z + volume * f[2]
     size = math.sqrt(x * x + y * y + z * z)
@@ -52,7 +52,7 @@ def _sum_near(table, count, d, region, mean, near_out):
 
 @inner_kernel
 def _fill_mean(normal_sum, mean_out):
-    """Fill the unit vector (3,) along a sum of normals; return the sum's length."""
+    """Fill the unit vector (3,) along a sum of normals; return the sum's norm."""
     size = math.sqrt(normal_sum[0] ** 2 + normal_sum[1] ** 2 + normal_sum[2] ** 2)
     for k in range(3):
         mean_out[k] = normal_sum[k] / size
@@ -75,10 +75,10 @@ def fill_mean_normal(table, count, d, region, normal_out):
 
 @inner_kernel
 def add_normal_rates(table, count, d, region, turn, rates_io):
-    """Add to the derivatives by the pairs' volumes (pairs,) what follows from the mean normal.
+    """Add derivatives by the pairs' volumes (pairs,): `fill_mean_normal` differentiated in reverse.
 
-    `turn` (3,) is the derivative of some quantity by the unit normal of direction `d`; the chain of
-    `fill_mean_normal` is followed backwards.
+    `turn` (3,) is the derivative of the differentiated quantity by the unit normal of direction
+    `d`.
     """
     mean, near, by_mean, by_near = (
         stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,)),
@@ -106,12 +106,12 @@ def add_normal_rates(table, count, d, region, turn, rates_io):
             continue
         f = table.axes[region.facets.pairs[i, 1], 2]
         along = f[0] * mean[0] + f[1] * mean[1] + f[2] * mean[2]
-        if along > _ASTRAY:
+        if along > _LEAST_COSINE:
             rate = by_near_volume
             for k in range(3):
                 rate += by_near[k] * f[k]
             for k in range(3):
-                by_mean[k] += volume * rate * f[k] / (1.0 - _ASTRAY)
+                by_mean[k] += volume * rate * f[k] / (1.0 - _LEAST_COSINE)
     onto = mean[0] * by_mean[0] + mean[1] * by_mean[1] + mean[2] * by_mean[2]
     for k in range(3):
         by_mean[k] = (by_mean[k] - mean[k] * onto) / length
@@ -121,7 +121,7 @@ def add_normal_rates(table, count, d, region, turn, rates_io):
         g = region.facets.pairs[i, 1]
         f = table.axes[g, 2]
         along = f[0] * mean[0] + f[1] * mean[1] + f[2] * mean[2]
-        part = max((along - _ASTRAY) / (1.0 - _ASTRAY), 0.0)
+        part = max((along - _LEAST_COSINE) / (1.0 - _LEAST_COSINE), 0.0)
         rate = by_total + part * by_near_volume
         for k in range(3):
             rate += (by_mean[k] + part * by_near[k]) * f[k]

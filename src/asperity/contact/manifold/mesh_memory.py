@@ -1,4 +1,4 @@
-"""What contact with meshes remembers from one tick to the next."""
+"""State of contact with meshes that is kept from one tick to the next."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from asperity.contact.manifold.records import MAX_DIRECTIONS, MAX_PARTS
 
 @by_reference
 class MeshMemory(NamedTuple):
-    """What is known of the last tick: where to look first, and how far bristles are deflected."""
+    """State of the last tick: start points of searches, and deflections of bristles."""
 
     known: NDArray[np.int64]
     """Whether the tool was near the body in the last tick, (bodies,)."""
     way_out: NDArray[np.float64]
-    """How far the tool had to move to leave the body [m], (bodies,)."""
+    """Way out of the tool from the body [m], (bodies,)."""
     guess: NDArray[np.float64]
     """Deepest point of each patch in the tool's frame [m], (bodies, 24, 4, 3); nan if unknown."""
     frame: NDArray[np.float64]
@@ -33,10 +33,9 @@ class MeshMemory(NamedTuple):
     bristle: NDArray[np.float64]
     """Deflection of each patch's bristle in the body's frame [m], (bodies, 24, 4, 3)."""
     in_contact: NDArray[np.bool_]
-    """Whether there was contact in any direction, so that MuJoCo's query is not needed; (bodies,).
-    """
+    """Whether there was contact, so that MuJoCo's query is not needed; (bodies,)."""
     lists: NeighbourList
-    """Pairs of facets near each other."""
+    """Lists of nearby facet pairs."""
 
 
 def mesh_memory(bodies: int) -> MeshMemory:

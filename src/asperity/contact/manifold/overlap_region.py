@@ -1,13 +1,13 @@
 """The region in which two smooth bodies overlap, as integrals over pairs of facets.
 
 A facet of A that faces a facet of B is projected onto B's plane along B's normal, and clipped to
-where the overlap d exceeds `-reach`, the height of both textures, and is less than the largest
-overlap that a contact may have. The integrals over all such pieces do not depend on how the bodies
-are divided into facets, and they change continuously with the pose. Everything about a contact
-but its depth follows from them.
+where the overlap d is between `-reach`, minus the height of both textures, and the limit on the
+overlap. The integrals over all such pieces do not depend on the tessellation, and they change
+continuously with the pose. Everything about a contact but its depth follows from them.
 
-The pieces are summed for six directions, the axes of B's frame both ways. A facet counts for a
-direction by `FacetTable.shares`, so that the opposite walls of a hole are separate contacts.
+The pieces are summed for six directions, the positive and negative axes of B's frame. A facet's
+weight in each direction is in `FacetTable.shares`, so that the opposite walls of a hole are
+separate contacts.
 """
 
 from __future__ import annotations
@@ -27,16 +27,15 @@ from asperity.contact.manifold.records import MAX_DIRECTIONS, OVERLAP_SUMS
 
 _CORNERS = 24
 _PARALLEL = 1e-9
-"""Sine of the angle between edges below which they are parallel."""
+"""Sine of the angle between two edges below which they count as parallel."""
 
 CUT, OF_A, OF_B, BEHIND, WITHIN, DEEP = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
-"""The fourth number of a corner: which body the side to the next corner belongs to, or what it was
-cut by."""
+"""Owner of the side from a corner to the next: a body, or the plane that clipped it."""
 
 
 @by_reference
 class OverlapRegion(NamedTuple):
-    """The overlap region of two bodies and the memory to integrate over it."""
+    """The overlap region of two bodies, and scratch memory for the integrals over it."""
 
     facets: FacetPairs
     polygon: NDArray[np.float64]
@@ -44,13 +43,13 @@ class OverlapRegion(NamedTuple):
     sums: NDArray[np.void]
     """`OVERLAP_SUMS` of each direction, (24,)."""
     volumes: NDArray[np.float64]
-    """What each pair of facets adds to the `volume` of each direction [m^3], (pairs, 6)."""
+    """Contribution of each pair of facets to the `volume` of each direction [m^3], (pairs, 6)."""
     rates: NDArray[np.float64]
     """Derivative of the way out by the volume of each pair's piece [1/m^2], (pairs,)."""
 
 
 def overlap_region(facets: int) -> OverlapRegion:
-    """Allocate memory for the overlap regions of bodies with `facets` facets altogether."""
+    """Allocate memory for the overlap regions of bodies with `facets` facets in all."""
     return OverlapRegion(
         facets=facet_pairs(facets),
         polygon=np.zeros((2, _CORNERS, 4)),
@@ -103,7 +102,7 @@ def clip_polygon(polygon, source, count, plane, code):
             t = here / (here - there)
             for k in range(3):
                 q[kept, k] = p[i, k] + t * (p[j, k] - p[i, k])
-            # On the way out the new side begins here; on the way in the old one goes on.
+            # Where the border leaves the half plane the new side begins; else the old one goes on.
             q[kept, 3] = code if here <= 0.0 else p[i, 3]
             kept += 1
     return 1 - source, kept
@@ -111,7 +110,7 @@ def clip_polygon(polygon, source, count, plane, code):
 
 @small_kernel
 def _project(table: FacetTable, f, g, region):
-    """Fill `region.polygon[0]` with facet f of A in the frame of facet g of B; count its corners.
+    """Fill `region.polygon[0]` with facet f of A in the frame of facet g of B; return its corners.
 
     A corner's coordinates are x, y in g's plane and its overlap d.
     """
@@ -119,7 +118,7 @@ def _project(table: FacetTable, f, g, region):
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     count = table.sides[f]
     for c in range(count):
-        # Seen from B's side the corners of A's facet run the other way round.
+        # Seen along B's normal, the corners of A's facet are in reverse order.
         p = region.facets.corners[f, count - 1 - c]
         d0, d1, d2 = p[0] - o[0], p[1] - o[1], p[2] - o[2]
         polygon[0, c, 0] = d0 * x[0] + d1 * x[1] + d2 * x[2]
@@ -133,9 +132,9 @@ def _project(table: FacetTable, f, g, region):
 def clip_pair(table: FacetTable, f, g, reach, beside, max_depth, region):
     """Project facet f of A onto facet g of B and clip it to their overlap.
 
-    Returns the buffer of `region.polygon` that the piece is in, and its number of corners; its
-    overlap is above `-reach` everywhere. There are -1 corners if the facets lie farther beside
-    each other than `beside`, or overlap by more than `max_depth` everywhere. All in [m].
+    Returns the buffer of `region.polygon` with the piece, and its number of corners; its overlap is
+    at least `-reach`. There are -1 corners if the facets are more than `beside` apart in g's
+    plane, or their overlap is nowhere between `-reach` and `max_depth`. All in [m].
     """
     polygon = region.polygon
     count = _project(table, f, g, region)
@@ -162,7 +161,7 @@ def clip_pair(table: FacetTable, f, g, reach, beside, max_depth, region):
             sign = 1.0 if i & 1 else -1.0
             k0 = -table.half[g, i >> 1]
             k1, k2 = (sign, 0.0) if i < 2 else (0.0, sign)
-        # Most pieces lie wholly inside most sides.
+        # Most pieces are completely inside most sides.
         if k0 + max(k1 * low_x, k1 * high_x) + max(k2 * low_y, k2 * high_y) > 0.0:
             here, count = clip_polygon(polygon, here, count, (k0, k1, k2, 0.0), OF_B)
             if count == 0:
@@ -192,9 +191,9 @@ def add_piece(table: FacetTable, g, piece, reach, share, region, sums):
     piece : tuple of int
         Buffer of `region.polygon`, number of corners: see `clip_pair`.
     reach : float
-        Height of both textures [m]; the weight is w = d + reach, so that deep places count more.
+        Height of both textures [m]; the integrand's weight is w = d + reach.
     share : float
-        How much the facet counts for the direction.
+        Weight of the facet in the direction.
     region : OverlapRegion
     sums : OVERLAP_SUMS
         Added to.
@@ -261,13 +260,13 @@ def deepest_corner(region, piece):
 
 @inner_kernel
 def clip_depth(region, piece, max_depth):
-    """Clip a piece to overlaps of at most `max_depth` [m]; return its buffer, its corners."""
+    """Clip a piece to overlaps of at most `max_depth` [m]; return buffer and number of corners."""
     return clip_polygon(region.polygon, piece[0], piece[1], (-max_depth, 0.0, 0.0, 1.0), DEEP)
 
 
 @inner_kernel
 def clip_piece(table: FacetTable, query, f, g, region):
-    """Return the piece of a pair of facets within the limits of a query: its buffer, its corners.
+    """Clip a pair of facets to the limits of a query; return buffer and number of corners.
 
     There are fewer than 3 corners where the facets do not overlap.
     """
@@ -279,8 +278,8 @@ def clip_piece(table: FacetTable, query, f, g, region):
 def corner_slope(table: FacetTable, f, g, piece, corner, region, m_out):
     """Fill m (3,) of a corner of a piece: a motion v of A changes the overlap there by -m . v.
 
-    At a corner of A it is B's normal, at one of B A's; where two edges cross it is perpendicular to
-    both. At one that is as deep as counts the overlap does not change: m is 0.
+    At a corner of A it is along B's normal, at one of B along A's, where two edges cross
+    perpendicular to both. Where the overlap is clipped to the limit it is constant: m is 0.
     """
     here, count = piece
     p, z = region.polygon[here], table.axes[g, 2]

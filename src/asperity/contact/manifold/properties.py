@@ -1,9 +1,9 @@
-"""Friction and stiffness of contact between meshes whose regions have different ones.
+"""Friction and stiffness of contact between meshes where these vary over the surface.
 
-Both are means over the overlap region, weighted by the volume of the overlap, so that a tool that
-crosses from one region to the next meets no step. The energy k s^2 / 2 then changes with k too, and
-the gradient has the part s^2 / 2 dk. Where a map gives the stiffness, depths are scaled by its root
-instead (`narrow_phase.compliance`), and k is that of the force law.
+Both are means over the overlap region, weighted by the volume of the overlap, so that they are
+continuous as a tool crosses from one material to the next. The gradient of the energy k s^2 / 2
+then has the term s^2 / 2 dk. With a stiffness map, depths are scaled by the square root of the
+relative stiffness instead (`narrow_phase.compliance`), and k is that of the force law.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from asperity.contact.body_arrays import pair_friction, pair_stiffness
 
 @inner_kernel
 def _stiffness_of(table, f, g, parameters):
-    """Return the stiffness of two facets [N/m]."""
+    """Return the stiffness of two facets in series [N/m]."""
     return pair_stiffness(table.stiffness[f], table.stiffness[g], parameters.stiffness)
 
 
@@ -31,19 +31,19 @@ def pair_volume(region, i):
 
 @inner_kernel
 def properties_vary(table, query):
-    """Return whether friction or stiffness are not the same all over both bodies."""
+    """Return whether friction or stiffness vary over either body."""
     return table.varies[query.first] or table.varies[query.second]
 
 
 @inner_kernel
 def has_map(table, query):
-    """Return whether a map gives the stiffness of either body."""
+    """Return whether either body has a stiffness map."""
     return table.has_map[query.first] or table.has_map[query.second]
 
 
 @inner_kernel
 def least_scale(table, query, usual):
-    """Return the least factor by which a map of stiffness scales a depth, at most 1; else 1.
+    """Return the least factor, at most 1, by which a stiffness map scales a depth; 1 without one.
 
     `usual` is the stiffness of the force law [N/m].
     """
@@ -55,7 +55,7 @@ def least_scale(table, query, usual):
 
 @inner_kernel
 def largest_scale(table, query, usual):
-    """Return the largest factor by which a map of stiffness scales a depth, at least 1; else 1."""
+    """Return the largest factor, at least 1, by which a stiffness map scales a depth."""
     compliance = table.compliance[query.first, 1] + table.compliance[query.second, 1]
     if not has_map(table, query) or compliance == 0.0:
         return 1.0
@@ -64,7 +64,7 @@ def largest_scale(table, query, usual):
 
 @inner_kernel
 def contact_properties(table, query, count, parameters, region):
-    """Return stiffness [N/m] and friction [-] of a contact, means over its `count` pairs."""
+    """Return stiffness [N/m] and friction [-] of a contact: means over its `count` facet pairs."""
     f, g = table.first[table.root[query.first]], table.first[table.root[query.second]]
     stiffness = friction = total = 0.0
     if properties_vary(table, query):
@@ -86,9 +86,9 @@ def contact_properties(table, query, count, parameters, region):
 
 @inner_kernel
 def add_stiffness_rates(table, count, parameters, stiffness, way_out, region):
-    """Add to `region.rates` what the way out would change by for the same energy as k does.
+    """Add the effect of k on the energy to `region.rates`, as an equivalent change of the way out.
 
-    dU = k s (ds + s / (2 k) dk), with dk by the volume of a pair (k_pair - k) / volume.
+    dU = k s (ds + s / (2 k) dk); the derivative of k by a pair's volume is (k_pair - k) / volume.
     """
     total = 0.0
     for i in range(count):

@@ -11,12 +11,11 @@ from asperity._core.structures import by_reference
 from asperity.contact.narrow_phase.records import PENETRATION
 
 MAX_PARTS = 4
-"""Parts into which the overlap region of one direction may be split."""
+"""Maximum number of parts of one direction's overlap region."""
 MAX_DIRECTIONS = 24
-"""Room for the directions in which the tool may leave a body: the six of its axes, or those of two
-polyhedra."""
+"""Maximum number of directions in which the tool may leave a body: six, except of polyhedra."""
 MAX_PATCHES = 288
-"""Room for the patches of one tick."""
+"""Maximum number of patches in one tick."""
 
 OVERLAP_SUMS = np.dtype(
     [
@@ -38,8 +37,8 @@ DIRECTION = np.dtype(
         ("depth", "f8"),  # root mean square of the patches' depths [m]; -inf if not searched
         ("first", "i8"),  # row of the first patch
         ("patches", "i8"),  # number of patches; 0 if not searched
-        ("visited", "?"),  # whether its turn has come
-        ("known", "?"),  # whether the residuals are, given that the tool leaves by it
+        ("visited", "?"),  # whether it has been searched or skipped
+        ("known", "?"),  # whether the residuals after leaving by it are filled
         ("rate", "f8"),  # derivative of the way out by the depth
         ("turn", "f8", 3),  # derivative of the way out by the normal [m]
         ("volume_rate", "f8"),  # derivatives by the integrals of the region [1/m^2]
@@ -58,8 +57,8 @@ MESH_PATCH = np.dtype(
         ("normal", "f8", 3),  # n, world axes
         ("weight", "f8"),  # share of the body's stiffness
         ("line_rate", "f8", 2),  # derivative of the depth by the offsets of the two split lines
-        ("base", "f8", 3),  # where it is deepest, on B's smooth surface, B's frame [m]
-        ("guess", "f8", 3),  # the same on A's surface, A's frame: where to look in the next tick
+        ("base", "f8", 3),  # deepest point on B's smooth surface, B's frame [m]
+        ("guess", "f8", 3),  # the same on A's surface, A's frame: start of the next tick's search
     ],
     align=True,
 )
@@ -68,7 +67,7 @@ MESH_PATCH = np.dtype(
 PATCH_COUNT = np.dtype(
     [
         ("patches", "i8"),  # number of patches
-        ("dropped", "i8"),  # how often there was no room, for a patch or a pair of facets
+        ("dropped", "i8"),  # patches and facet pairs dropped for lack of room
     ],
     align=True,
 )

@@ -1,11 +1,11 @@
-"""How integrals over the overlap region change with the tool's motion.
+"""Derivatives of integrals over the overlap region by the tool's motion.
 
-An integral of q w over a piece, w = d + reach, changes because d does, at a place of B's facet, and
-because the sides that belong to A move over the facet (Reynolds' transport theorem). Where w ends
-at 0 the border adds nothing, and B's sides do not move. Of sides between two facets of A the parts
-cancel. q is a polynomial of second degree, so that all moments of a region are covered: the
-derivatives of one quantity by all moments, put together in one q, give its derivative by the
-tool's six coordinates in one pass over the pieces, however many moments there are.
+The integral of q w over a piece, w = d + reach, changes with d at each point of B's facet, and with
+the sides of A, which move over the facet (Reynolds' transport theorem). Sides where w is 0
+contribute nothing, B's sides do not move, and the contributions of sides between two facets of A
+cancel. q is a quadratic polynomial, which covers all moments of a region: the derivatives of a
+quantity by all moments, collected in one q, give its derivative by the tool's six coordinates in a
+single pass over the pieces.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from asperity.contact.manifold.overlap_region import DEEP, OF_A
 
 _IN, _OUT = 0.445948490915965, 0.091576213509771
 _IN_WEIGHT, _OUT_WEIGHT = 0.223381589678011, 0.109951743655322
-"""Places and weights of the rule of degree 4 on a triangle (Strang & Fix 1973)."""
+"""Nodes and weights of the quadrature rule of degree 4 on a triangle (Strang & Fix 1973)."""
 _GAUSS = 0.3872983346207417
-"""Half of sqrt(3/5): places of Gauss's rule of degree 5 on an interval."""
+"""Half of sqrt(3/5): node of the Gauss rule of degree 5 on an interval."""
 
 
 @inner_kernel
 def fill_polynomial(table, g, i, directions, region, q_out):
-    """Fill q (6,) of pair `i` over the plane of facet `g`: by 1, x, y, xx, xy, yy.
+    """Fill q (6,) of pair `i` over the plane of facet `g`: coefficients of 1, x, y, xx, xy, yy.
 
-    It is put together of `region.rates` and of the moments' rates of all directions.
+    It collects `region.rates` and the rates of all directions by their moments.
     """
     for k in range(6):
         q_out[k] = 0.0
@@ -69,7 +69,7 @@ def _value(q, x, y):
 
 @inner_kernel
 def _fill_moment(table, g, sums, centre, out):
-    """Fill the mean of p - centre (3,) from the integrals of q, q x, q y and q d, over q's."""
+    """Fill the integral of q (p - centre), (3,), from those of q, q x, q y and q d."""
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     for k in range(3):
         out[k] = sums[1] * x[k] + sums[2] * y[k] - sums[3] * z[k]
@@ -99,7 +99,7 @@ def add_piece_gradient(table, pair, piece, reach, q, centre, region, gradient_io
     (f, g), (here, count) = pair, piece
     p, x, y, z = region.polygon[here], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     sums, moment, along = stack_array((4,)), stack_array((3,)), stack_array((3,))
-    # The overlap changes at each place.
+    # The overlap changes at each point.
     for k in range(4):
         sums[k] = 0.0
     x0, y0, d0 = p[0, 0], p[0, 1], p[0, 2]
@@ -125,7 +125,7 @@ def add_piece_gradient(table, pair, piece, reach, q, centre, region, gradient_io
         one, two = (k + 1) % 3, (k + 2) % 3
         gradient_io[k] -= sums[0] * normal[k] / cosine
         gradient_io[3 + k] -= (moment[one] * normal[two] - moment[two] * normal[one]) / cosine
-    # The sides of A move over the facet, and so does where the overlap is as deep as counts.
+    # The sides of A move over the facet, and so does the side at the limit on the overlap.
     onto = math.hypot(
         normal[0] * x[0] + normal[1] * x[1] + normal[2] * x[2],
         normal[0] * y[0] + normal[1] * y[1] + normal[2] * y[2],

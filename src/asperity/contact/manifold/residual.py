@@ -1,16 +1,16 @@
-"""How much of the overlap of one direction remains once the tool has left by another.
+"""The part of one direction's overlap that remains after the tool has left by another.
 
-Across a convex edge the same overlap is seen from two sides, and leaving by one side leaves nothing
-of the other. The walls of a groove are two contacts, and both have to be left. Which of the two it
-is follows from where the overlap seen from direction d lies with respect to the plane of direction
-c, that of its mean normal through the centroid of its region. It goes when the tool leaves by c, if
+Both sides of a convex edge see the same overlap, so that leaving by one side resolves the other.
+The walls of a groove are two contacts, and both have to be left. The two cases differ in where the
+overlap seen from direction d lies relative to the plane of direction c, which is normal to c's mean
+normal through the centroid of its region. Leaving by c resolves the part of d where
 
 - B's surface lies *behind* the plane of c, so that B is convex there, and
 - A's surface lies *within* reach of it: no deeper behind the plane than the tool is moved.
 
-The *residual* rises smoothly from 0 to 1 with the part of the region's volume that stays. A region
-much narrower than it is deep counts less, and not at all as its area vanishes, so that none comes
-or goes at once.
+The *residual* rises smoothly from 0 to 1 with the fraction of the region's volume that is not
+resolved. A region much narrower than it is deep counts less, and not at all as its area vanishes,
+so that contacts begin and end continuously.
 """
 
 from __future__ import annotations
@@ -36,28 +36,29 @@ from asperity.contact.manifold.region_gradient import add_piece_gradient
 from asperity.contact.manifold.separation import smooth_step, smooth_step_slope
 from asperity.contact.response.contact_forces import add_at_point
 
-_GONE, _STAYS = 0.25, 0.75
-"""Parts of the volume that stay between which a residual rises from 0 to 1."""
+_RESOLVED, _REMAINS = 0.25, 0.75
+"""Unresolved fractions of the volume between which a residual rises from 0 to 1."""
 _REACH = 1.25
-"""Multiple of the overlap along c, raised by the textures, within which A's surface is left."""
+"""Depth behind the plane within which A's surface is resolved, over the overlap along c including
+textures."""
 
 _COPLANAR = 1e-3
-"""Part of that depth by which a facet may lie before the plane: it may be the plane's own."""
+"""Fraction of that depth by which a facet may lie before the plane, to include coplanar facets."""
 
 _NARROW, _WIDE = 0.003, 0.03
-"""Volumes of a region, over the third power of its depth, between which it begins to count."""
+"""Volumes of a region, over its depth cubed, between which its residual is blended in."""
 
 
 @by_reference
 class Residuals(NamedTuple):
-    """How much of each direction remains once the tool has left by another."""
+    """How much of each direction remains after the tool has left by another."""
 
     value: NDArray[np.float64]
     """Residual of the direction of the row, given that of the column; nan if unknown; (6, 6)."""
     slope: NDArray[np.float64]
-    """Its derivative by the part of the volume that goes, (6, 6)."""
+    """Its derivative by the resolved fraction of the volume, (6, 6)."""
     whole: NDArray[np.float64]
-    """What it would be if the region were wide, (6, 6)."""
+    """The residual without the factor for narrow regions, (6, 6)."""
     rate: NDArray[np.float64]
     """Derivative of the way out by the residual [m], (6, 6)."""
 
@@ -70,7 +71,7 @@ class Leaving(NamedTuple):
     normal: NDArray[np.float64]
     """(3,)"""
     depth: float
-    """How deep behind the plane A's surface is left [m]."""
+    """Depth behind the plane within which A's surface is resolved [m]."""
 
 
 def residuals() -> Residuals:
@@ -80,15 +81,15 @@ def residuals() -> Residuals:
 
 @inner_kernel
 def _fill_plane(sums, reach, place_out):
-    """Fill the centroid (3,) of a region; return how deep behind it A's surface is left [m]."""
+    """Fill `place` (3,) of a `Leaving`; return its `depth` [m]."""
     for k in range(3):
         place_out[k] = sums.first_moment[k] / sums.volume
     return _REACH * (sums.deepest + reach)
 
 
 @inner_kernel
-def _part_that_goes(table, pair, query, leaving, region):
-    """Cut out the part of a piece that goes; return its buffer, its corners."""
+def _clip_resolved(table, pair, query, leaving, region):
+    """Clip a piece to the part that is resolved; return its buffer and its number of corners."""
     f, g = pair
     polygon, (here, count) = region.polygon, clip_piece(table, query, f, g, region)
     if count < 3:
@@ -113,10 +114,10 @@ def _part_that_goes(table, pair, query, leaving, region):
 
 
 @inner_kernel
-def _span(leaving, middle, radius, corners, count, level):
-    """Return between which heights over the plane a facet lies [m].
+def _height_range(leaving, middle, radius, corners, count, level):
+    """Return bounds on the height of a facet above the plane [m].
 
-    By the circle round it, unless that does not tell on which side of `level` it is.
+    They are those of its bounding circle, unless that straddles `level`.
     """
     n, place = leaving.normal, leaving.place
     above = n[0] * (middle[0] - place[0]) + n[1] * (middle[1] - place[1])
@@ -132,16 +133,16 @@ def _span(leaving, middle, radius, corners, count, level):
 
 
 @inner_kernel
-def _share_that_goes(table, f, g, leaving, region):
-    """Return 1 or 0 where all or nothing of a pair's overlap goes, -1 where it has to be cut."""
+def _classify_pair(table, f, g, leaving, region):
+    """Return 1 or 0 where all or nothing of a pair's overlap is resolved, -1 if it is clipped."""
     edge, deep, half = _COPLANAR * leaving.depth, -leaving.depth, table.half[g]
-    low, high = _span(
+    low, high = _height_range(
         leaving, table.origin[g], half[0] + half[1], table.points[g], table.sides[g], edge
     )
     if low >= edge:
         return 0
     is_behind, facet = high <= edge, region.facets.placed[f]
-    low, high = _span(
+    low, high = _height_range(
         leaving, facet.centre, facet.radius, region.facets.corners[f], table.sides[f], deep
     )
     if high <= deep:
@@ -151,19 +152,19 @@ def _share_that_goes(table, f, g, leaving, region):
 
 @inner_kernel
 def _width(sums, reach):
-    """Return how wide a region is for its depth: 0 and less is narrow, 1 and more is wide."""
+    """Return a region's width relative to its depth: up to 0 is narrow, from 1 on wide."""
     return (sums.volume / (sums.deepest + reach) ** 3 - _NARROW) / (_WIDE - _NARROW)
 
 
 @inner_kernel
 def fill_residuals(table, query, count, c, space):
-    """Fill the residuals of all directions, given that the tool leaves by direction `c`.
+    """Fill the residuals of all directions after the tool has left by direction `c`.
 
-    `count` is the number of pairs of facets, `query` the `BodyQuery`.
+    `count` is the number of facet pairs, `query` the `BodyQuery`.
     """
     region, found = space.region, space.residuals
-    place, goes = stack_array((3,)), stack_array((DIRECTIONS,))
-    clear(goes)
+    place, resolved = stack_array((3,)), stack_array((DIRECTIONS,))
+    clear(resolved)
     depth = _fill_plane(region.sums[c], query.raised, place)
     leaving = Leaving(place, space.directions[c].normal, depth)
     for i in range(count):
@@ -174,22 +175,22 @@ def fill_residuals(table, query, count, c, space):
                 total += region.volumes[i, d]
         if total == 0.0:
             continue
-        share = _share_that_goes(table, f, g, leaving, region)
+        share = _classify_pair(table, f, g, leaving, region)
         if share == 0:
             continue
         part = 1.0
         if share < 0:
-            piece = _part_that_goes(table, (f, g), query, leaving, region)
+            piece = _clip_resolved(table, (f, g), query, leaving, region)
             part = piece_volume(piece, query.raised, region) if piece[1] >= 3 else 0.0
         for d in range(DIRECTIONS):
-            goes[d] += part * (region.volumes[i, d] if share > 0 else table.shares[g, d])
+            resolved[d] += part * (region.volumes[i, d] if share > 0 else table.shares[g, d])
     for d in range(DIRECTIONS):
         if d != c and region.sums[d].volume > 0.0:
-            x = (1.0 - goes[d] / region.sums[d].volume - _GONE) / (_STAYS - _GONE)
+            x = (1.0 - resolved[d] / region.sums[d].volume - _RESOLVED) / (_REMAINS - _RESOLVED)
             wide = smooth_step(_width(region.sums[d], query.raised))
             found.whole[d, c] = smooth_step(x)
             found.value[d, c] = wide * found.whole[d, c]
-            found.slope[d, c] = -wide * smooth_step_slope(x) / (_STAYS - _GONE)
+            found.slope[d, c] = -wide * smooth_step_slope(x) / (_REMAINS - _RESOLVED)
 
 
 @inner_kernel
@@ -222,10 +223,10 @@ def _fill_side(table, g, piece, i, reach, on_a, region, place_out):
 
 @inner_kernel
 def _add_sides(table, pair, piece, query, leaving, region, moved_io):
-    """Add how the integral of w over a piece changes as what it is cut by moves.
+    """Add the derivatives of the integral of w over a piece by its clipping planes.
 
-    `moved_io` (11,) has the derivatives by the shift of the plane along its normal, by the depth,
-    by the plane's normal (3,), by the motion of A's surface (3,), and its moment (3,).
+    `moved_io` (11,) has the derivatives by the plane's offset along its normal, by the depth, by
+    the plane's normal (3,), by the motion of A's surface (3,), and its moment (3,).
     """
     f, g = pair
     (here, count), n, m = piece, leaving.normal, region.facets.placed[f].normal
@@ -256,19 +257,19 @@ def _add_sides(table, pair, piece, query, leaving, region, moved_io):
 
 @inner_kernel
 def add_residual_gradient(table, query, count, pair, centre, space, gradient_io):
-    """Add how the way out changes with the tool's motion by a residual.
+    """Add the gradient of the way out through a residual.
 
     Parameters
     ----------
     query : BodyQuery
     count : int
-        Number of pairs of facets.
+        Number of facet pairs.
     pair : tuple of int
         Directions d and c: see `fill_residuals`.
     centre : (3,) array
         About which the tool turns, B's frame [m].
     space : FacetSpace
-        The derivatives by the normal and the moments of c, and by the volume of d, are added to.
+        The derivatives by c's normal and moments and by d's volume are added to.
     gradient_io : (6,) array
         By translation and rotation, B's frame.
     """
@@ -288,7 +289,7 @@ def add_residual_gradient(table, query, count, pair, centre, space, gradient_io)
     )
     if found.slope[d, c] == 0.0:
         return
-    sums, volume, goes = region.sums[c], region.sums[d].volume, 0.0
+    sums, volume, resolved = region.sums[c], region.sums[d].volume, 0.0
     rate = found.rate[d, c] * found.slope[d, c] / volume
     leaving = Leaving(place, direction.normal, _fill_plane(sums, query.raised, place))
     q, moved = stack_array((6,)), stack_array((11,))
@@ -297,21 +298,21 @@ def add_residual_gradient(table, query, count, pair, centre, space, gradient_io)
         f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
         if region.volumes[i, d] == 0.0:
             continue
-        piece = _part_that_goes(table, (f, g), query, leaving, region)
+        piece = _clip_resolved(table, (f, g), query, leaving, region)
         if piece[1] < 3:
             continue
         q[0] = rate * table.shares[g, d]
-        goes += table.shares[g, d] * piece_volume(piece, query.raised, region)
+        resolved += table.shares[g, d] * piece_volume(piece, query.raised, region)
         add_piece_gradient(table, (f, g), piece, query.raised, q, centre, region, gradient_io)
         clear(moved)
         _add_sides(table, (f, g), piece, query, leaving, region, moved)
         _add_moved(moved, q[0], pair, place, centre, space, gradient_io)
-    space.directions[d].volume_rate -= rate * goes / volume
+    space.directions[d].volume_rate -= rate * resolved / volume
 
 
 @inner_kernel
-def _add_deeper(sums, rate, centre, gradient_io):
-    """Add how the largest overlap of a region changes, times `rate`."""
+def _add_deepest(sums, rate, centre, gradient_io):
+    """Add the gradient of a region's largest overlap, times `rate`."""
     arm, force = stack_array((3,)), stack_array((3,))
     for k in range(3):
         arm[k] = sums.deepest_point[k] - centre[k]
@@ -321,18 +322,18 @@ def _add_deeper(sums, rate, centre, gradient_io):
 
 @inner_kernel
 def _add_width(sums, reach, rate, centre, direction, gradient_io):
-    """Add how the width of a region changes, times `rate`."""
+    """Add the gradient of a region's width, times `rate`."""
     rate *= smooth_step_slope(_width(sums, reach)) / (_WIDE - _NARROW)
     if rate == 0.0:
         return
     depth = sums.deepest + reach
     direction.volume_rate += rate / depth**3
-    _add_deeper(sums, -3.0 * rate * sums.volume / depth**4, centre, gradient_io)
+    _add_deepest(sums, -3.0 * rate * sums.volume / depth**4, centre, gradient_io)
 
 
 @inner_kernel
 def _add_moved(moved, rate, pair, place, centre, space, gradient_io):
-    """Add what `_add_sides` gives, times `rate`, to all that it depends on."""
+    """Propagate the derivatives of `_add_sides`, times `rate`, to moments, normal and motion."""
     direction, sums = space.directions[pair[1]], space.region.sums[pair[1]]
     n = direction.normal
     for k in range(3):
@@ -343,4 +344,4 @@ def _add_moved(moved, rate, pair, place, centre, space, gradient_io):
         gradient_io[k] += rate * moved[5 + k]
         gradient_io[3 + k] += rate * moved[8 + k]
         gradient_io[3 + k] -= rate * (centre[one] * moved[5 + two] - centre[two] * moved[5 + one])
-    _add_deeper(sums, rate * _REACH * moved[1], centre, gradient_io)
+    _add_deepest(sums, rate * _REACH * moved[1], centre, gradient_io)

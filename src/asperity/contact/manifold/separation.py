@@ -1,7 +1,7 @@
-"""One direction along which a geom of the tool may leave one of the scene, and its derivatives.
+"""A direction along which a geom of the tool may leave one of the scene, and its derivatives.
 
 Rates are derivatives by the tool's translation [m] and by its rotation about its centre of mass,
-world axes.
+world axes. A direction's share is a blending weight between 0 and 1.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from asperity._core.stack import stack_array
 from asperity.contact.manifold.support import support
 
 COVERED, FACE_B, FACE_A, EDGES, CURVED = -1, 0, 1, 2, 3
-"""What a direction is normal to. It is smoothed out beside one of a lower number."""
+"""Kinds of directions. One is blended out beside another of a lower kind."""
 MAX_PARTS = 12
-"""Room for parts of one contact."""
+"""Maximum number of parts of one contact."""
 APART, ALONG = 0.961, 0.990
-"""Cosines between two directions between which one stands for both (16 and 8 degrees)."""
+"""Cosines between two directions over which the higher kind is blended out (16 and 8 degrees)."""
 FARTHEST = 2.0
-"""Multiple of the least way out from which on a separation g does not count."""
+"""Multiple of the least way out from which on a separation g has no weight."""
 LONGEST = 1.3
-"""The least way out, smoothed, is at most this multiple of the least one, or hardly ever more."""
+"""Practical upper bound on the smooth minimum of the ways out over the least one."""
 ABOUT = 1.2
-"""A separation up to this multiple of the least depth counts fully."""
+"""Multiple of the least depth up to which a separation has full weight."""
 _SAME = 1e-13
-"""Two directions are the same if the cosine between them is at least 1 less this."""
+"""Two directions are equal if the cosine between them is at least 1 minus this."""
 
 
 @inner_kernel
@@ -37,7 +37,7 @@ def cosine(one, other):
 
 @inner_kernel
 def is_same_way(rows, count, i, found):
-    """Return whether row `i` of `count` is the only one of its part, and has found's direction."""
+    """Return whether row `i` of `count` is the only one of its part, with `found`'s direction."""
     part = rows[i].part
     alone = (i == 0 or rows[i - 1].part != part) and (i + 1 == count or rows[i + 1].part != part)
     return alone and rows[i].kind == found.kind and cosine(rows[i], found) >= 1.0 - _SAME
@@ -72,10 +72,10 @@ def fill_unit(k, out):
 
 @inner_kernel
 def fill_unit_motion(e, arm, moved_out):
-    """Fill how a point moves (3,) as the tool does by its coordinate `e`.
+    """Fill the derivative (3,) of a point's position by the tool's coordinate `e`.
 
-    The first three are its translations, the others its rotations about the place from which `arm`
-    (3,) leads to the point.
+    The first three are translations, the others rotations about the point from which `arm` (3,)
+    leads to it.
     """
     omega = stack_array((3,))
     fill_unit(e % 3, omega)
@@ -88,7 +88,7 @@ def fill_unit_motion(e, arm, moved_out):
 
 @inner_kernel
 def fill_gap(geometry, frame_a, frame_b, found):
-    """Fill g of a separation whose direction is known."""
+    """Fill g of a separation from its direction."""
     a, b, n, p = found.geom_a, found.geom_b, found.normal, stack_array((3,))
     gap = support(geometry.kind[a], geometry.size[a], frame_a, n, p)
     gap += support(geometry.kind[b], geometry.size[b], frame_b, n, p)
@@ -106,17 +106,17 @@ def fill_gap_rate(geometry, frame_a, frame_b, found):
     support(geometry.kind[b], geometry.size[b], frame_b, n, q)
     for i in range(3):
         q[i] += p[i] - frame_a[i, 3] + frame_b[i, 3]
-        # The point of A that counts is opposite to p, and turns with A.
+        # A's support point along -n is opposite to p, and turns with A.
         p[i] = frame_a[i, 3] - p[i]
     fill_rates_of_gap(found, q, p)
 
 
 @inner_kernel
 def fill_rates_of_gap(found, between, arm):
-    """Fill the rates of g of a separation whose direction and its rates are known.
+    """Fill the rates of g from the direction of a separation and the direction's rates.
 
-    `between` (3,) leads from A's point of support to B's, `arm` (3,) to A's from the point about
-    which A turns [m].
+    `between` (3,) leads from A's support point to B's, `arm` (3,) to A's from the point about which
+    A turns [m].
     """
     n, moved = found.normal, stack_array((3,))
     for e in range(6):
@@ -131,11 +131,10 @@ def fill_rates_of_gap(found, between, arm):
 
 @inner_kernel
 def fill_cross_rates(one, two, sign, parallel, found):
-    """Fill a direction across an edge along `one` of A and one along `two` of B, and its rates.
+    """Fill the unit cross product of edges along `one` of A and `two` of B, and its rates.
 
-    Its share ends where the sine of the angle between the edges goes from three times `parallel` to
-    that. `sign` is 1 for along the cross product, -1 for against it. Returns whether it has any
-    share.
+    Its share falls from 1 to 0 as the sine of the angle between the edges falls from three times
+    `parallel` to `parallel`. `sign` is that of the product. Returns whether the share is positive.
     """
     n, across, omega, turn = (
         found.normal, stack_array((3,)), stack_array((3,)), stack_array((3,)),
@@ -163,7 +162,7 @@ def fill_cross_rates(one, two, sign, parallel, found):
 
 @small_kernel
 def aligned_on(steep):
-    """Return the cosine between two directions from which on their depths are about the same.
+    """Return the cosine between two directions above which their depths are about equal.
 
     On slopes of up to m, `steep`, they differ by less than a sixth while the tangent of the angle
     between the directions is below 1 / (6 m).
@@ -173,7 +172,7 @@ def aligned_on(steep):
 
 @inner_kernel
 def begin_separation(found, pair, kind):
-    """Set a separation to one that does not turn with the tool."""
+    """Reset a separation to full share and a direction that does not turn with the tool."""
     found.geom_a, found.geom_b, found.kind = pair.geom_a, pair.geom_b, kind
     found.share = 1.0
     clear(found.share_rate)
@@ -183,7 +182,7 @@ def begin_separation(found, pair, kind):
 
 @inner_kernel
 def turn_with_tool(found):
-    """Let the direction of a separation turn with the tool."""
+    """Set the rates of a direction that turns with the tool."""
     turn, omega = stack_array((3,)), stack_array((3,))
     for e in range(3):
         fill_unit(e, omega)
@@ -194,7 +193,7 @@ def turn_with_tool(found):
 
 @inner_kernel
 def keep_if_near(rows, count, floor, rough):
-    """Keep the row after the last if its separation may count; return how many there are."""
+    """Keep row `count` if its separation is small enough to count; return the number of rows."""
     if count + 1 < rows.size and rows[count].gap - rough < floor:
         return count + 1
     return count
@@ -216,9 +215,9 @@ def smooth_step_slope(x):
 
 @inner_kernel
 def is_stood_for(rows, first, i, least):
-    """Return whether another direction that has been searched stands for row `i` of a part.
+    """Return whether another direction that has been searched represents row `i` of a part.
 
-    It counts fully (`response.potential`), and the direction beside it not at all.
+    It has full weight (`response.potential`), and the direction beside it none.
     """
     found = rows[i]
     for j in range(first, i):

@@ -1,17 +1,17 @@
-r"""Directions along which a convex geom of the tool can leave one of the scene.
+"""Directions along which a convex geom of the tool can leave one of the scene.
 
 For two convex solids the least translation that separates them is along the normal of a face of
-either, along the cross product of an edge of each, or, where a curved surface takes part, along a
-direction at which the *separation* g(n) is least:
+either, along the cross product of an edge of each, or, with a curved surface, along a direction
+that minimises the *separation* g(n):
 
     g(n) = h_B(n) + h_A(-n) - n . (c_A - c_B),
 
-h the support functions and c the centres. g(n) is how far A has to move along n until a plane
-across n separates the two. Each of these directions is a `SEPARATION`. Those whose g is much larger
-than the least one are ways out through another face, and are left out.
+h the support functions and c the centres. g(n) is the distance that A has to move along n until a
+plane normal to n separates the two. Each of these directions is a `SEPARATION`. Those with a much
+larger g than the least one are ignored.
 
-A face that is covered by another geom of the same rigid body is none of the solid's faces: it
-offers no way out. So geoms that lie flush are one solid.
+A face that is covered by another geom of the same rigid body offers no way out, so that flush geoms
+act as one solid.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ from asperity.contact.manifold.separation import (
 from asperity.contact.manifold.support import BOX, CYLINDER, PLANE, support
 
 _PARALLEL = 0.1
-"""Sine of the angle between two edges below which their direction does not count."""
+"""Sine of the angle between two edges below which their direction is ignored."""
 _EXPOSED = 0.1
-"""Cosine to the normal of a covered face at which a direction that leads over it does not count."""
-_GRAIN = 1e-9
-"""Relative difference between lengths that count as equal."""
+"""Cosine to the normal of a covered face over which a direction is blended out."""
+_ROUNDING = 1e-9
+"""Relative difference below which lengths count as equal."""
 
 
 @inner_kernel
@@ -100,11 +100,10 @@ def _add_edges(geometry, pair, frames, floor, rough, rows, count):
 
 
 @inner_kernel
-def _fade_over_covered(geometry, g, axes, outwards, found):
-    """Smooth out a direction whose point of support of geom `g` lies on a covered face.
+def _blend_out_covered(geometry, g, axes, outwards, found):
+    """Blend out a direction whose support point on geom `g` is on a covered face.
 
-    The solid goes on beyond that face, and so does what the direction would have to clear.
-    `outwards` is 1 for the scene's geom, -1 for the tool's.
+    The solid continues beyond that face. `outwards` is 1 for the scene's geom, -1 for the tool's.
     """
     for axis in range(3):
         for side in range(2):
@@ -140,24 +139,24 @@ def _leaves_by_covered(rows, count, i):
         if rows[j].kind != COVERED:
             continue
         along = cosine(rows[i], rows[j])
-        if along > 0.0 and rows[j].gap <= along * rows[i].gap * (1.0 + _GRAIN):
+        if along > 0.0 and rows[j].gap <= along * rows[i].gap * (1.0 + _ROUNDING):
             return True
     return False
 
 
 @inner_kernel
 def _mark_open(geometry, pair, frames, rows, first, past, faces):
-    """Mark by `part` which directions from row `first` on lead out; return their least separation.
+    """Set `part` of rows `first` to `past` to 1 where they lead out, else 0; return the least gap.
 
-    The first `faces` rows are faces, covered ones among them.
+    The first `faces` rows are faces, including covered ones.
     """
     least = np.inf
     for i in range(first, past):
         found = rows[i]
         if found.kind > FACE_B and geometry.covered[pair.geom_b] != 0:
-            _fade_over_covered(geometry, pair.geom_b, frames[1], 1.0, found)
+            _blend_out_covered(geometry, pair.geom_b, frames[1], 1.0, found)
         if found.kind > FACE_A and geometry.covered[pair.geom_a] != 0:
-            _fade_over_covered(geometry, pair.geom_a, frames[0], -1.0, found)
+            _blend_out_covered(geometry, pair.geom_a, frames[0], -1.0, found)
         is_hidden = found.kind == COVERED or found.share == 0.0
         found.part = 0 if is_hidden or _leaves_by_covered(rows, faces, i) else 1
         if found.part == 1:
@@ -167,11 +166,11 @@ def _mark_open(geometry, pair, frames, rows, first, past, faces):
 
 @inner_kernel
 def _is_inside_a_face(geometry, pair, rows, faces):
-    """Return whether A is so far from the edges of a face of B that no curved direction counts.
+    """Return whether A is too far from the edges of a face of B for a curved direction to count.
 
-    At the direction n of least separation d = p_A + p_B - g n, p the points of support and d the
-    distance of the centres. So the separation of a face that n leans to is at most twice A's
-    radius and g.
+    At the direction n of least separation, d = p_A + p_B - g n with the support points p and the
+    vector d between the centres. So the separation of a face towards which n is inclined is at most
+    twice A's radius plus g.
     """
     if geometry.kind[pair.geom_b] != BOX:
         return False
@@ -189,9 +188,9 @@ def _is_inside_a_face(geometry, pair, rows, faces):
 
 @inner_kernel
 def _is_beside_least(rows, i, least, rough, aligned):
-    """Return whether a face of about the least separation stands for direction `i`.
+    """Return whether a face of about the least separation represents direction `i`.
 
-    Then that face counts fully (`response.potential`), and the direction beside it not at all.
+    Then that face has full weight (`response.potential`), and the direction beside it none.
     """
     for j in range(i):
         other = rows[j]
@@ -205,9 +204,9 @@ def _is_beside_least(rows, i, least, rough, aligned):
 
 @inner_kernel
 def _reach_over_edges(geometry, found, frames, rough):
-    """Return how far the face of a direction reaches over its edges, for the bumps beside them [m].
+    """Return how far to extend the face of a direction beyond its edges, for bumps there [m].
 
-    Not at all where the other geom stays within the edges that are not covered.
+    It is 0 where the other geom is within all edges that are not covered.
     """
     is_a = found.kind == FACE_A
     g, other = (found.geom_a, found.geom_b) if is_a else (found.geom_b, found.geom_a)
@@ -236,21 +235,21 @@ def _reach_over_edges(geometry, found, frames, rough):
 
 @inner_kernel
 def fill_separations(geometry, pair, frames, textured, wide, rows):
-    """Fill the directions along which geom A of a pair may leave geom B; return how many there are.
+    """Fill the directions along which geom A of a pair may leave geom B; return their number.
 
     Parameters
     ----------
     geometry : Geometry
     pair : GEOM_PAIR
     frames : (2, 3, 4) array
-        Axes and centres of the two geoms, from the tool's centre of mass.
+        Axes and centres of the two geoms, relative to the tool's centre of mass.
     textured : tuple of float
-        How far textures rise above or fall below both surfaces at most [m], and the least cosine
-        to a direction that may stand for another one.
+        Upper bound on the sum of both textures' |height| [m], and the least cosine between a
+        direction and one that may represent it.
     wide : float
-        Multiple of the usual separation up to which a direction may count, 1 or more.
+        Factor, 1 or more, on the separation up to which a direction may count.
     rows : SEPARATION records
-        Filled; 0 where the two are apart even at their textures' highest points.
+        Filled; none where even the textures' highest points are apart.
     """
     rough, aligned = textured
     count = _add_faces(geometry, pair, FACE_B, frames, rows, np.int64(0))
@@ -260,7 +259,7 @@ def fill_separations(geometry, pair, frames, textured, wide, rows):
     least = _mark_open(geometry, pair, frames, rows, 0, faces, faces)
     if least + rough <= 0.0:
         return np.int64(0)
-    # Edges and curved surfaces may have a smaller one; that of faces is a bound already.
+    # Edges and curved surfaces may have a smaller separation; that of faces is an upper bound.
     floor = LONGEST * FARTHEST * wide * (least + rough)
     if geometry.kind[pair.geom_a] == BOX and geometry.kind[pair.geom_b] == BOX:
         count = _add_edges(geometry, pair, frames, floor, rough, rows, count)

@@ -1,11 +1,11 @@
-"""Division of wide overlap regions into parts, so that their torque does not jump.
+"""Split of wide overlap regions into parts, so that their torque is continuous.
 
 The deepest point of a wide contact jumps from end to end when the contact tilts a little. A wide
 overlap region is therefore split along two lines through its centroid, and each part has a deepest
 point and an equal share of the stiffness. With centroid c and covariance S of the region, the
 parts lie around `c + S^(1/2) (+-1, +-1)`: the points of the Gauss rule with the same area, centroid
-and second moments. The parts overlap by a radius about the centroid, so that a narrow region has
-one part, and a region that grows is split without a jump.
+and second moments. Each part extends beyond the lines by a radius, so that a narrow region has
+one part, and a growing region is split continuously.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from asperity.contact.narrow_phase.geom_depth import frame_round
 from asperity.contact.narrow_phase.surface_patch import add_border
 
 _NARROW = 3.0
-"""A region is not split along an axis on which its standard deviation is below the radius over
-this. (An evenly loaded region ends within 1.8 standard deviations.)"""
+"""Radius over the standard deviation along an axis from which on a region is not split there (a
+uniform one ends within 1.8 standard deviations)."""
 _LEAST_VARIANCE, _NO_VARIANCE = 1e-6, 1e-24
-"""Part of the whole variance that is added to those along both axes, so that they can be divided
-by, and the least that is added [m^2]."""
+"""Regularisation of the variances along both axes: fraction of the total variance, and constant
+[m^2]."""
 _STEP = 1e-5
-"""Step of the central differences by a covariance, relative to its least variance."""
+"""Step of the central differences by a covariance, over its least variance."""
 _TURN = 1e-7
 """Step of the central differences by a normal."""
 
@@ -66,11 +66,11 @@ def _along_axes(covariance, u, v):
 
 
 @inner_kernel
-def _across(uu, uv, vv, k):
+def _inverse_root(uu, uv, vv, k):
     """Return row `k` of the inverse of the symmetric square root of a covariance [1/m]."""
     least = _LEAST_VARIANCE * (uu + vv) + _NO_VARIANCE
     uu, vv = uu + least, vv + least
-    # By the theorem of Cayley and Hamilton.
+    # By the Cayley-Hamilton theorem.
     s = math.sqrt(max(uu * vv - uv * uv, least * least))
     t = math.sqrt(uu + vv + 2.0 * s)
     a, b, c = (uu + s) / t, uv / t, (vv + s) / t
@@ -80,7 +80,7 @@ def _across(uu, uv, vv, k):
 
 @inner_kernel
 def split_lines(sums, u, v, radius, lines_out):
-    """Fill the lines that split a region; return whether each of the two does split it.
+    """Fill the two lines that may split a region; return whether each does.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def split_lines(sums, u, v, radius, lines_out):
     u, v : (3,) arrays
         Axes of the tangent plane in B's frame.
     radius : float
-        How far the parts reach over the lines [m].
+        How far the parts extend beyond the lines [m].
     lines_out : (2, 3) array
         `l_u, l_v, l_0`, so that the distance from a line is `l_u u + l_v v + l_0` [m], with u and
         v measured from the origin of B's frame.
@@ -100,7 +100,7 @@ def split_lines(sums, u, v, radius, lines_out):
     mu, mv = _on_axes(u, v, mean)
     first = second = False
     for k in range(2):
-        l_u, l_v = _across(uu, uv, vv, k)
+        l_u, l_v = _inverse_root(uu, uv, vv, k)
         size = math.sqrt(l_u * l_u + l_v * l_v)
         split = radius * size < _NARROW
         first, second = (split, second) if k == 0 else (first, split)
@@ -113,7 +113,7 @@ def split_lines(sums, u, v, radius, lines_out):
 def bound_by(patch, l_u, l_v, l_0, radius):
     """Add a border to a surface patch: base points with `l . (u, v) + l_0 >= -radius`.
 
-    It counts as an edge of the patch's body: it is fixed there while the depth is differentiated.
+    It counts as an edge of the patch's body: it is fixed in the derivatives of the depth.
     """
     origin, lateral = patch.origin, patch.lateral
     constant = -l_0 - radius - l_u * origin[0] - l_v * origin[1]
@@ -124,14 +124,14 @@ def bound_by(patch, l_u, l_v, l_0, radius):
 
 @inner_kernel
 def _offset_of(uu, uv, vv, k, u, v):
-    """Return how far (u, v), measured from the centroid, lies from line `k` [m]."""
-    l_u, l_v = _across(uu, uv, vv, k)
+    """Return the signed distance of (u, v), relative to the centroid, from line `k` [m]."""
+    l_u, l_v = _inverse_root(uu, uv, vv, k)
     return (l_u * u + l_v * v) / math.sqrt(l_u * l_u + l_v * l_v)
 
 
 @inner_kernel
 def _offset(covariance, n, k, away):
-    """Return how far a place lies from line `k` [m]; `away` (3,) is measured from the centroid."""
+    """Return the signed distance of a point from line `k` [m]; `away` (3,) is from the centroid."""
     axes, unit = stack_array((3, 3)), stack_array((3,))
     size = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
     for i in range(3):
@@ -156,10 +156,10 @@ def _covariance_rates(uu, uv, vv, k, u, v):
 
 @inner_kernel
 def add_line_rates(sums, k, place, rate, direction):
-    """Add to the derivatives of a direction by its normal and by the moments of its region.
+    """Add the rates by a direction's normal and moments through the distance of a point to a line.
 
-    `rate` is the derivative of the way out by the distance of a place (3,) of B's frame from line
-    `k`, which is where the region's moments put it.
+    `rate` is the derivative of the way out by the distance of `place` (3,), B's frame, from line
+    `k`.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def add_line_rates(sums, k, place, rate, direction):
     uu, uv, vv = _along_axes(covariance, u, v)
     on_u, on_v = _on_axes(u, v, away)
     by_uu, by_uv, by_vv = _covariance_rates(uu, uv, vv, k, on_u, on_v)
-    l_u, l_v = _across(uu, uv, vv, k)
+    l_u, l_v = _inverse_root(uu, uv, vv, k)
     size, at = math.sqrt(l_u * l_u + l_v * l_v), 0
     for i in range(3):
         n[i] = -(l_u * u[i] + l_v * v[i]) / size  # now the derivative by the centroid

@@ -1,8 +1,7 @@
 """Support functions of convex geoms, exact and smoothed.
 
-The support function of a solid is `h(n) = max n . x` over its points x, seen from its centre; the
-point that attains it is its gradient. All geoms are symmetric about their centres. Lengths in
-metres.
+The support function of a solid is `h(n) = max n . x` over its points x relative to its centre; its
+gradient is the support point. All geoms are symmetric about their centres. Lengths in metres.
 """
 
 from __future__ import annotations
@@ -15,14 +14,14 @@ from asperity.geometry.bodies import KINDS
 
 PLANE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX = (KINDS.index(kind) for kind in KINDS[:6])
 ROUNDING = 0.01
-"""Corners of the smoothed support functions are rounded over about this angle [rad]."""
+"""Angle over which the smoothed support functions round edges and corners [rad]."""
 
 
 @inner_kernel
 def support(kind, size, axes, n, point_out):
-    """Return the support function of a geom along a unit vector n; fill the point (3,) there.
+    """Return the support function of a geom along a unit vector n; fill its support point (3,).
 
-    Where a face or an edge is across n, the point is its middle. `axes` (3, 3) has the geom's axes
+    If a face or an edge is normal to n, the point is its middle. `axes` (3, 3) has the geom's axes
     in columns. A plane has no size.
     """
     local, p = stack_array((3,)), stack_array((3,))
