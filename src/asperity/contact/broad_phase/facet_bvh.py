@@ -1,10 +1,9 @@
 """The facets of all bodies of a scene in flat arrays, with a bounding volume hierarchy per body.
 
 Facets serve two purposes. The *overlap region* of a contact, its area, centroid and normal, is
-integrated over pairs of facets that face each other. And the facets of meshes, boxes and planes are
-the patches of surface on which depths are searched. Round geoms have exact patches
-(`narrow_phase.surface_patch`): their facets only approximate them in the overlap region, and refer
-to their geom.
+integrated over pairs of facets that face each other. And facets of meshes, boxes and planes are the
+surface patches on texture depths are searched. Round geoms have exact patches
+(`narrow_phase.surface_patch`): their facets only approximate them in the overlap region.
 """
 
 from __future__ import annotations
@@ -31,12 +30,13 @@ from asperity.texture.highest import texture_top
 from asperity.texture.packed import PackedTextures
 
 _LEAF = 2
-"""Most facets of a leaf of a tree."""
+"""Maximum number of facets in a leaf of a tree."""
 DIRECTIONS = 6
-"""Directions of contact with a body: the axes of its frame, both ways."""
+"""Number of directions of contact with a body: the positive and negative axes of its frame."""
 _SHARPNESS = 8
+"""Power of the cosine to a direction in a facet's share of it."""
 _LEAST_SHARE = 0.02
-"""Shares of a facet below this are dropped."""
+"""Smaller shares of a facet are set to 0."""
 _EVERYWHERE = 1e9
 
 Array = NDArray[np.float64]
@@ -74,9 +74,9 @@ class FacetTable(NamedTuple):
     least: Array
     """Least length of w, (n,)."""
     place: Array
-    """Place on the texture, or in its frame: at the centre, by x, by y; (n, 9) [m]."""
+    """Position on the texture, or in its frame: at the centre, by x, by y; (n, 9) [m]."""
     spread: Array
-    """Singular values of the map from (x, y) to the texture, (n, 2)."""
+    """Singular values of the linear map from (x, y) to the texture, (n, 2)."""
     body: NDArray[np.int64]
     """Body that the facet belongs to, (n,)."""
     surface: NDArray[np.int64]
@@ -86,17 +86,17 @@ class FacetTable(NamedTuple):
     top: Array
     """Highest point of the texture on the facet [m], (n,)."""
     shares: Array
-    """How much the facet counts for each of the six directions, summing to 1; (n, 6)."""
+    """Weights of the facet in the six directions, summing to 1; (n, 6)."""
     geom: NDArray[np.int64]
     """Round geom that the facet approximates, -1 for a facet that is itself searched; (n,)."""
     slack: Array
-    """How far the facets of a body may lie inside its smooth surface [m], (bodies,)."""
+    """Largest distance of a body's facets inside its smooth surface [m], (bodies,)."""
     friction: Array
-    """Coulomb's coefficient [-], nan for a map or that of the force law; (n,)."""
+    """Coulomb's coefficient [-], nan if it is given by a map or the force law; (n,)."""
     stiffness: Array
-    """Of contact [N/m], nan for a map or that of the force law; (n,)."""
+    """Contact stiffness [N/m], nan if it is given by a map or the force law; (n,)."""
     has_map: NDArray[np.bool_]
-    """Whether a map gives the stiffness of any surface of a body, (bodies,)."""
+    """Whether any surface of a body has a stiffness map, (bodies,)."""
     compliance: Array
     """Largest and least compliance of a body's surfaces [m/N], 0 if none has any, (bodies, 2)."""
     varies: NDArray[np.bool_]
@@ -104,15 +104,15 @@ class FacetTable(NamedTuple):
     first_surface: NDArray[np.int64]
     """Number of the surface of a body's first geom, (bodies,)."""
     raised: Array
-    """How far the textures of a body rise above its surface at most [m], (bodies,)."""
+    """Upper bound on the height of a body's textures above its surface [m], (bodies,)."""
     lowered: Array
-    """How far they fall below it at most [m], (bodies,)."""
+    """Upper bound on their depth below it [m], (bodies,)."""
     middle: Array
     """Centres of the trees' boxes in the body's frame [m], (nodes, 3)."""
     reach: Array
     """Half sides of the boxes [m], (nodes, 3)."""
     child: NDArray[np.int64]
-    """First of the two children of a box, which follow one another; -1 for a leaf; (nodes,)."""
+    """First of a box's two consecutive children; -1 for a leaf; (nodes,)."""
     first: NDArray[np.int64]
     """First facet in a box, (nodes,)."""
     last: NDArray[np.int64]
@@ -131,7 +131,7 @@ class FacetTable(NamedTuple):
 
 def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geometry) -> FacetTable:
     """Build the facets and trees of `bodies`."""
-    sets, geoms, surfaces, touches, trees, roots, slacks = [], [], [], [], [], [], []
+    sets, geoms, surfaces, properties, trees, roots, slacks = [], [], [], [], [], [], []
     first_facet = first_node = first_geom = 0
     for body in bodies:
         facets, geom_of, is_round_geom, slack = _body_facets(body, first_geom)
@@ -140,7 +140,7 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         sets.append(facets)
         geoms.append(np.where(is_round_geom, geom_of, -1)[order])
         surfaces.append(geometry.surface[geom_of[order]])
-        touches.append(_touch(body, facets.region, surfaces[-1], geometry))
+        properties.append(_properties(body, facets.region, surfaces[-1], geometry))
         tree[2][tree[2] >= 0] += first_node
         trees.append((tree[0], tree[1], tree[2], tree[3] + first_facet, tree[4] + first_facet))
         roots.append(first_node)
@@ -169,11 +169,11 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         surface=surface, mapping=mapping,
         top=_tops(facets, surface, textures, geometry, place, mapping),
         shares=_shares(facets.axes[:, 2]), geom=np.concatenate(geoms),
-        friction=np.concatenate([touch[:, 0] for touch in touches]),
-        stiffness=np.concatenate([touch[:, 1] for touch in touches]),
+        friction=np.concatenate([row[:, 0] for row in properties]),
+        stiffness=np.concatenate([row[:, 1] for row in properties]),
         has_map=np.bincount(geometry.body, geometry.stiffness_map[geometry.surface] >= 0) > 0.0,
-        compliance=np.array([_compliances(*each) for each in zip(bodies, touches, strict=True)]),
-        varies=np.array([_varies(touch) for touch in touches]),
+        compliance=np.array([_compliances(*each) for each in zip(bodies, properties, strict=True)]),
+        varies=np.array([_varies(row) for row in properties]),
         slack=np.array(slacks), first_surface=geometry.surface[first_geoms], raised=raised,
         lowered=lowered, middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
         first=first, last=last, root=np.array(roots, dtype=np.int64),
@@ -204,9 +204,9 @@ def _body_facets(
             facets = taken(facets, np.flatnonzero(~_covered(facets, body.geoms, geom)))
         parts.append(facets)
         slack = max(slack, off)
-    which = np.repeat(np.arange(count), [len(part) for part in parts])
+    number = np.repeat(np.arange(count), [len(part) for part in parts])
     round_geoms = np.array([is_round(geom) for geom in body.geoms])
-    return joined(parts), first_geom + which, round_geoms[which], slack
+    return joined(parts), first_geom + number, round_geoms[number], slack
 
 
 def _regions(mesh: Mesh) -> NDArray[np.int64] | None:
@@ -217,10 +217,10 @@ def _regions(mesh: Mesh) -> NDArray[np.int64] | None:
     return np.where(np.array([*own, False])[mesh.material], mesh.material, -1)
 
 
-def _touch(
+def _properties(
     body: Body, region: NDArray[np.int64], surface: NDArray[np.int64], geometry: Geometry
 ) -> Array:
-    """Return friction and stiffness of each facet of a body (n, 2), nan for a map or the law's."""
+    """Return friction and stiffness of each facet of a body (n, 2); see `FacetTable` for nan."""
     out = np.column_stack([geometry.friction[surface], geometry.stiffness[surface]])
     if body.mesh is None or _regions(body.mesh) is None:
         return out
@@ -231,21 +231,21 @@ def _touch(
     return out
 
 
-def _varies(touch: Array) -> bool:
+def _varies(properties: Array) -> bool:
     """Return whether rows of friction and stiffness differ."""
-    return len(np.unique(np.nan_to_num(touch, nan=-1.0), axis=0)) > 1
+    return len(np.unique(np.nan_to_num(properties, nan=-1.0), axis=0)) > 1
 
 
-def _compliances(body: Body, touch: Array) -> tuple[float, float]:
+def _compliances(body: Body, properties: Array) -> tuple[float, float]:
     """Return the largest and least compliance of a body's surfaces [m/N], 0 if none has any."""
-    numbers = touch[~np.isnan(touch[:, 1]), 1]
+    numbers = properties[~np.isnan(properties[:, 1]), 1]
     least = [*(found.lowest for found in body.stiffness_maps), *numbers]
     most = [*(found.highest for found in body.stiffness_maps), *numbers]
     return (1.0 / min(least), 1.0 / max(most)) if least else (0.0, 0.0)
 
 
 def _covered(facets: Facets, geoms: Sequence[Geom], own: Geom) -> NDArray[np.bool_]:
-    """Return which facets are covered by another box of the body: wholly within or against it."""
+    """Return which facets are covered by another box of the body: inside or flush with it."""
     hidden = np.zeros(len(facets), dtype=bool)
     for geom in geoms:
         if geom is own or geom.kind != "box":
@@ -292,7 +292,7 @@ def _heights(textures: PackedTextures, geometry: Geometry, bodies: int) -> tuple
 
 
 def _rows(facets: Facets) -> tuple[Array, NDArray[np.int64]]:
-    """Return the borders of facets and their number: 0 for rectangles along their axes."""
+    """Return the borders of facets and their numbers: 0 for rectangles along their axes."""
     corners = facets.corners
     rows = np.zeros((len(facets), MOST_SIDES, 4))
     count = facets.sides.copy()
@@ -319,7 +319,7 @@ def _rows(facets: Facets) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _shares(normals: Array) -> Array:
-    """Return how much facets count for each direction, divided smoothly between directions."""
+    """Return the weights of facets in the six directions, smooth functions of the normal."""
     along = np.stack([normals, -normals], axis=2).reshape(-1, DIRECTIONS)
     raw = np.maximum(along, 0.0) ** _SHARPNESS
     raw /= raw.sum(axis=1)[:, None]
@@ -332,7 +332,7 @@ def _tops(
     mapping: Array,
 ) -> Array:  # fmt: skip
     """Return the highest point of the texture on each facet [m]."""
-    which = geometry.texture[surface]
+    texture = geometry.texture[surface]
     at = place.reshape(-1, 3, 3)
     corners = facets.corners
     uv = at[:, None, 0, :2] + corners @ at[:, 1:, :2]
@@ -340,24 +340,24 @@ def _tops(
     box[mapping[surface] != PLANAR] = [[-_EVERYWHERE] * 2, [_EVERYWHERE] * 2]
     out = np.zeros(len(facets))
     if len(textures.maps):
-        _highest(textures, which, box, out)
+        _highest(textures, texture, box, out)
     return out
 
 
 @kernel
-def _highest(textures, which, box, out):
-    """Fill the highest point of each texture `which` within a box of (u, v), (n, 2, 2) [m]."""
-    for i in range(which.size):
-        if which[i] >= 0:
+def _highest(textures, texture, box, out):
+    """Fill the highest point of each texture within a box of (u, v), (n, 2, 2) [m]."""
+    for i in range(texture.size):
+        if texture[i] >= 0:
             out[i] = texture_top(
-                textures, which[i], box[i, 0, 0], box[i, 1, 0], box[i, 0, 1], box[i, 1, 1]
+                textures, texture[i], box[i, 0, 0], box[i, 1, 0], box[i, 0, 1], box[i, 1, 1]
             )
 
 
 def _tree(
     points: Array, sides: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], tuple[Array, Array, NDArray, NDArray, NDArray]]:
-    """Return an order of facets, and a tree of boxes over them: low, high, child, first, last."""
+    """Return the order of facets, and the tree over them: low, high, child, first, last."""
     low, high = points.min(axis=1), points.max(axis=1)
     middle = 0.5 * (low + high)
     order = np.arange(len(points))

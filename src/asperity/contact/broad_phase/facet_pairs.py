@@ -1,8 +1,8 @@
 """Pairs of facets of two bodies that face each other and may overlap.
 
-A simultaneous traversal of both bodies' bounding volume hierarchies finds them. For two bodies of
-seven hundred facets that visits about five thousand pairs of boxes, so its result is kept over
-several ticks: see `neighbour_list`.
+A simultaneous traversal of both bodies' bounding volume hierarchies finds them. It visits about
+5000 pairs of boxes for two bodies of 700 facets, so its result is kept over several ticks: see
+`neighbour_list`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MAX_FACET_PAIRS = 32768
 _FLATTEST = 0.01
 """Least cosine to n of facets of two convex bodies."""
 STACK = 512
-"""Room for pairs of boxes that a traversal has still to visit."""
+"""Maximum number of pairs of boxes on the stack of a traversal."""
 _UNLIMITED = np.int64(1) << 40
 
 PLACED_FACET = np.dtype(
@@ -40,7 +40,7 @@ PLACED_FACET = np.dtype(
 SEARCH_STATE = np.dtype(
     [
         ("tick", "i8"),  # counts the relative poses for which facets were transformed
-        ("dropped", "i8"),  # pairs of the last search that there was no room for
+        ("dropped", "i8"),  # pairs of the last search dropped for lack of room
     ],
     align=True,
 )
@@ -48,12 +48,12 @@ SEARCH_STATE = np.dtype(
 
 @by_reference
 class FacetPairs(NamedTuple):
-    """Facet pairs of bodies A and B at one relative pose, and the memory to find them in."""
+    """Facet pairs of bodies A and B at one relative pose, and scratch memory to find them."""
 
     pairs: NDArray[np.int64]
     """Facet of A, facet of B; (MAX_FACET_PAIRS, 2)."""
     stack: NDArray[np.int64]
-    """Pairs of boxes that a traversal has still to visit, (STACK, 2)."""
+    """Pairs of boxes still to be visited, (STACK, 2)."""
     corners: NDArray[np.float64]
     """Corners of A's facets in B's frame [m], (facets, 8, 3)."""
     placed: NDArray[np.void]
@@ -63,16 +63,16 @@ class FacetPairs(NamedTuple):
 
 
 class PairLimits(NamedTuple):
-    """Which pairs of facets are wanted."""
+    """Limits on the pairs of facets to find."""
 
     max_depth: float
     """Largest smooth overlap [m]."""
     reach: float
-    """Largest distance of facets that do not overlap, along B's normal and beside it [m]."""
+    """Largest distance of facets that do not overlap, along B's normal and in its plane [m]."""
     margin: float
-    """Largest distance of facets by their bounding boxes [m]."""
+    """Largest distance between the bounding boxes of facets [m]."""
     min_cosine: float
-    """Least cosine of the angle between A's normal and the reverse of B's."""
+    """Least cosine of the angle between A's normal and minus B's."""
 
 
 class BvhTraversal(NamedTuple):
@@ -89,7 +89,7 @@ class BvhTraversal(NamedTuple):
 
 
 def facet_pairs(facets: int) -> FacetPairs:
-    """Allocate memory for the facet pairs of bodies with `facets` facets altogether."""
+    """Allocate memory for the facet pairs of bodies with `facets` facets in all."""
     return FacetPairs(
         pairs=np.zeros((MAX_FACET_PAIRS, 2), np.int64),
         stack=np.zeros((STACK, 2), np.int64),
@@ -102,7 +102,7 @@ def facet_pairs(facets: int) -> FacetPairs:
 @small_kernel
 def pair_limits(max_depth, reach, min_cosine):
     """Return the limits for pairs that overlap by less than `max_depth`; see `PairLimits`."""
-    # Textures displace points no farther sideways than they rise.
+    # Textures displace points sideways by no more than their height.
     return PairLimits(max_depth, reach, math.hypot(max_depth, reach), min_cosine)
 
 
@@ -120,7 +120,7 @@ def relative_transform(body_a, body_b, transform_out):
 
 @small_kernel
 def flattest(table: FacetTable, a, b):
-    """Return the least cosine to n, and to each other, at which facets of two bodies are searched.
+    """Return the least cosine to n, and to each other, of facets of two bodies that are searched.
 
     Facets of convex bodies may be steep: the tip of a needle has no others. In a cavity a steep
     facet may be behind the opposite wall.
@@ -188,9 +188,10 @@ def place_facet(table: FacetTable, f, transform, facets):
 
 @small_kernel
 def sphere_separation(table: FacetTable, f, g, limits, facets):
-    """Return a lower bound of the motion until a pair is within `limits` [m]; 0 or less: it may be.
+    """Return a lower bound of the motion until a pair is within `limits` [m], from A's sphere.
 
-    It takes A's facet as its bounding sphere, whatever its orientation: most pairs fail that.
+    If it is 0 or less, the pair may be within them. The bounding sphere of A's facet, whatever its
+    orientation, rejects most pairs.
     """
     c, o = facets.placed[f].centre, table.origin[g]
     radius = facets.placed[f].radius
@@ -205,7 +206,7 @@ def sphere_separation(table: FacetTable, f, g, limits, facets):
 
 @small_kernel
 def facing_cosine(table: FacetTable, f, g, facets):
-    """Return the cosine of the angle between A's normal and the reverse of B's."""
+    """Return the cosine of the angle between A's normal and minus B's."""
     n, other = facets.placed[f].normal, table.axes[g, 2]
     return -(n[0] * other[0] + n[1] * other[1] + n[2] * other[2])
 
@@ -227,11 +228,11 @@ def traverse_bvh(table: FacetTable, transform, limits, traversal, visits, facets
     Returns
     -------
     stack_size, count : int
-        Number of pairs of boxes, and of facets, that there are now.
+        Number of pairs of boxes, and of facets, in `traversal` now.
     visits : int
-        How many visits were not needed.
+        Number of visits not used.
     dropped : int
-        Pairs that there was no room for.
+        Number of pairs dropped for lack of room.
     """
     stack, top, pairs, count = (
         traversal.stack, traversal.stack_size, traversal.pairs, traversal.pair_count,
@@ -251,7 +252,7 @@ def traverse_bvh(table: FacetTable, transform, limits, traversal, visits, facets
             if top + 4 > STACK:
                 dropped += 1
                 continue
-            # Without branches, since which boxes overlap cannot be predicted.
+            # Branchless, since the branch predictor cannot know which boxes overlap.
             first_a, last_a = (table.child[i], table.child[i] + 2) if inner_a else (i, i + 1)
             first_b, last_b = (table.child[j], table.child[j] + 2) if inner_b else (j, j + 1)
             for c in range(first_a, last_a):
@@ -287,8 +288,7 @@ def traverse_bvh(table: FacetTable, transform, limits, traversal, visits, facets
 def overlapping_facet_pairs(table, a, b, transform, limits, facets):
     """Fill `facets.pairs` with the facets of bodies `a` and `b` that may be within `limits`.
 
-    Returns how many there are. Pairs that there was no room for are left out, and counted in
-    `facets.state[0].dropped`.
+    Returns their number. Pairs without room are dropped and counted in `facets.state[0].dropped`.
     """
     facets.state[0].tick += 1
     facets.stack[0, 0], facets.stack[0, 1] = table.root[a], table.root[b]

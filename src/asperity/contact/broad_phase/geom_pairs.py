@@ -1,4 +1,4 @@
-"""Pairs of simple geoms that may touch, by spheres round them: for poses in compiled code."""
+"""Pairs of geoms that may touch by their bounding spheres, for poses in compiled code."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ _PLANE = KINDS.index("plane")
 
 @by_reference
 class GeomPairs(NamedTuple):
-    """Pairs of a geom of the tool and one of another body that may collide at all."""
+    """Pairs of a geom of the tool and one of another body whose collision masks allow contact."""
 
     geoms: NDArray[np.int32]
     """Numbers in the MuJoCo model, the tool's first; (n, 2)."""
     radius: NDArray[np.float64]
-    """Of a sphere round each of `Geometry`'s geoms and its texture [m], (geoms,)."""
+    """Of the bounding sphere of each of `Geometry`'s geoms with its texture [m], (geoms,)."""
 
 
 def geom_pairs(scene: SceneModel, pairs: NDArray[np.int32]) -> GeomPairs:
-    """Return the pairs (n, 2) of a scene's geoms, with what a query of them needs."""
+    """Return the `GeomPairs` of pairs (n, 2) of a scene's geoms."""
     geometry = scene.geometry
     radius = np.array(
         [radius_around(KINDS[k], *s) for k, s in zip(geometry.kind, geometry.size, strict=True)]
     )
-    which = geometry.texture[geometry.surface]
-    for g in np.flatnonzero(which >= 0).tolist():
-        radius[g] += scene.textures.maps["max_abs_height"][which[g]]
+    texture = geometry.texture[geometry.surface]
+    for g in np.flatnonzero(texture >= 0).tolist():
+        radius[g] += scene.textures.maps["max_abs_height"][texture[g]]
     return GeomPairs(pairs, radius)
 
 
 def radius_around(kind: str, a: float, b: float, c: float) -> float:
-    """Return the radius of a sphere round a geom of MuJoCo's sizes [m]; 0 for a plane."""
+    """Return the radius of a geom's bounding sphere from MuJoCo's sizes [m]; 0 for a plane."""
     by_kind = {
         "plane": 0.0, "sphere": a, "capsule": a + b, "ellipsoid": max(a, b, c),
         "cylinder": math.hypot(a, b), "box": math.hypot(a, b, c), "mesh": math.inf,
@@ -74,7 +74,7 @@ def _height_over(scene, plane, point):
 
 @inner_kernel
 def near_pairs(scene, pairs, geoms_out):
-    """Fill the pairs that may touch (n, 2), as the bodies' frames are; return how many."""
+    """Fill the pairs that may touch (n, 2), given the bodies' frames; return their number."""
     one, two, count = stack_array((3,)), stack_array((3,)), 0
     for p in range(pairs.geoms.shape[0]):
         g = scene.geom_number[pairs.geoms[p, 0]]

@@ -1,8 +1,8 @@
 """Candidate pairs of geoms that may touch, from MuJoCo's collision query.
 
 The margin of each geom is the height of its texture, so that asperities are found before the
-smooth surfaces meet; MuJoCo adds the margins of two geoms. Of its answer only the pairs, points,
-distances and margins are used; its normals are not (see `manifold.separations`).
+smooth surfaces meet; MuJoCo adds the margins of two geoms. Its contact normals are not used (see
+`manifold.separations`).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Candidates(NamedTuple):
 
 
 def no_candidates(room: int) -> Candidates:
-    """Return no candidates, with room for some."""
+    """Return an empty list of candidates with room for `room`."""
     return Candidates(
         0, np.zeros((room, 2), np.int32), np.zeros((room, 3)), np.zeros(room), np.zeros(room)
     )
@@ -51,7 +51,7 @@ def touchable(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
             yield i, model.body(int(model.geom_bodyid[i])).name
 
 
-def _out_of_pieces(model: mujoco.MjModel, body: Body) -> float:
+def _beyond_pieces(model: mujoco.MjModel, body: Body) -> float:
     """Return how far a body's mesh extends beyond its convex pieces in the MuJoCo model [m]."""
     from asperity.geometry.convex.pieces import piece_error  # slow to import
 
@@ -68,12 +68,9 @@ def _out_of_pieces(model: mujoco.MjModel, body: Body) -> float:
 
 
 def _reaches(model: mujoco.MjModel, body: Body) -> list[tuple[float, bool]]:
-    """Return how far a body extends beyond each of its geoms in the MuJoCo model [m].
-
-    And whether the geom is smooth.
-    """
+    """Return how far a body extends beyond each geom of its [m], and whether the geom is smooth."""
     # Convex pieces do not fit the mesh exactly.
-    reach = 0.0 if body.mesh is None else _out_of_pieces(model, body)
+    reach = 0.0 if body.mesh is None else _beyond_pieces(model, body)
     # A spline is bounded by its coefficients, which exceed the samples.
     tops = {id(field): float(np.max(np.abs(field.coefficients))) for field in body.fields}
     textures = [surface.texture for surface in body.surfaces]
@@ -86,7 +83,7 @@ def _matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def rigid_groups(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """Return for each body of the model the body that it is fixed to, 0 for the world."""
+    """Return the body that each body of the model is welded to, 0 for the world."""
     group = np.arange(model.nbody)
     for i in range(1, model.nbody):
         if model.body_jntnum[i] == 0 and model.body_mocapid[i] < 0:
@@ -114,7 +111,7 @@ class Collider:
         Frame of each body in the model's first pose: rotation and, in the last column, position
         [m].
     groups : (bodies,) array of int
-        Bodies with the same number do not move against each other; those of 0 do not move.
+        Bodies with the same number are welded together; those of 0 are static.
 
     Raises
     ------
@@ -133,15 +130,15 @@ class Collider:
         for i, name in touchable(self._model):
             if name not in seen:
                 continue
-            which = names.index(name)
+            number = names.index(name)
             if name not in reach:
-                reach[name] = _reaches(self._model, bodies[which])
+                reach[name] = _reaches(self._model, bodies[number])
             if seen[name] < len(reach[name]):
                 height, is_smooth = reach[name][seen[name]]
                 # Without a texture the margin of the model itself is added.
                 own = self._model.geom_margin[i] if is_smooth else 0.0
                 self._model.geom_margin[i] = own + height
-            self.geom_number[i] = first[which] + seen[name]
+            self.geom_number[i] = first[number] + seen[name]
             seen[name] += 1
             # MuJoCo's broad phase uses the body's margin.
             owner = int(self._model.geom_bodyid[i])
@@ -157,7 +154,7 @@ class Collider:
         self._data.qpos[:] = self._model.qpos0
         mujoco.mj_kinematics(self._model, self._data)
         self._allocate(64)
-        self._left_out = b""
+        self._excluded = b""
         self._body_bits = (self._model.body_contype.copy(), self._model.body_conaffinity.copy())
         self._bodies = np.array([self._model.body(name).id for name in names])
         self.centres = np.array(self._model.body_ipos[self._bodies])
@@ -196,10 +193,10 @@ class Collider:
         data.xpos[own], data.xmat[own] = at, turn.reshape(-1, 9)
         data.xipos[own] = at + np.einsum("bij,bj->bi", turn, model.body_ipos[own])
         data.ximat[own] = (turn @ self._inertial_axes).reshape(-1, 9)
-        geoms, which = self._geoms_in, self._owner
-        moved = np.einsum("gij,gj->gi", turn[which], model.geom_pos[geoms])
-        data.geom_xpos[geoms] = at[which] + moved
-        data.geom_xmat[geoms] = (turn[which] @ self._geom_axes).reshape(-1, 9)
+        geoms, owner = self._geoms_in, self._owner
+        moved = np.einsum("gij,gj->gi", turn[owner], model.geom_pos[geoms])
+        data.geom_xpos[geoms] = at[owner] + moved
+        data.geom_xmat[geoms] = (turn[owner] @ self._geom_axes).reshape(-1, 9)
 
     def query(self, without: NDArray[np.bool_] | None = None) -> Candidates:
         """Return the candidate contacts where the bodies are.
@@ -207,38 +204,38 @@ class Collider:
         Parameters
         ----------
         without : (bodies,) array of bool, optional
-            Bodies with which no contacts are looked for.
+            Bodies to exclude.
 
         Returns
         -------
         Candidates
-            In arrays that are used again.
+            Valid until the next query.
         """
-        left_out = b"" if without is None else without.tobytes()
-        if left_out != self._left_out:
-            self._leave_out(left_out)
+        excluded = b"" if without is None else without.tobytes()
+        if excluded != self._excluded:
+            self._exclude(excluded)
         mujoco.mj_collision(self._model, self._data)
         return self.candidates(self._data)
 
     def candidates(self, data: mujoco.MjData) -> Candidates:
-        """Return the candidate contacts that a collision query has left in `data`."""
+        """Return the candidate contacts of a collision query, from `data`."""
         contact, count = data.contact, data.ncon
         if count > len(self._geoms):
             self._allocate(2 * count)
-        # Copied, since MuJoCo's arrays are strided unless there is one contact: two array types.
+        # Copied, since MuJoCo's arrays are strided, but for a single contact: two array types.
         self._geoms[:count], self._points[:count] = contact.geom, contact.pos
         self._distances[:count], self._margins[:count] = contact.dist, contact.includemargin
         return Candidates(count, self._geoms, self._points, self._distances, self._margins)
 
-    def _leave_out(self, bodies: bytes) -> None:
-        """Exclude bodies from collisions: all for which the byte in `bodies` is not 0."""
-        self._left_out = bodies
+    def _exclude(self, bodies: bytes) -> None:
+        """Exclude from collisions each body whose byte in `bodies` is not 0."""
+        self._excluded = bodies
         self._model.body_contype[:], self._model.body_conaffinity[:] = self._body_bits
         out = self._bodies[: len(bodies)][np.frombuffer(bodies, np.bool_)]
         self._model.body_contype[out] = self._model.body_conaffinity[out] = 0
 
     def allowed_pairs(self, body: int) -> NDArray[np.int32]:
-        """Return the geoms of a body, and those of others that may collide with it; (n, 2)."""
+        """Return the pairs (n, 2) of a geom of a body and one of another that may collide."""
         model, numbers = self._model, self._geoms_in
         mine, others = numbers[self._owner == body], numbers[self._owner != body]
         kinds, partners = model.geom_contype, model.geom_conaffinity

@@ -1,15 +1,15 @@
 """Verlet neighbour lists of facets, so that a tick need not traverse the BVH.
 
-A tool moves little in a tick. Pairs of facets are therefore listed with a *skin*: somewhat farther
-apart than necessary, so that a list stays valid until the tool has moved by the skin (Verlet,
-1967, for molecules). There are three lists for each body of the scene:
+A tool moves little in a tick. Pairs of facets are therefore listed with a *skin*, a distance added
+to the limits, so that a list stays valid until the tool has moved by the skin (Verlet, 1967, for
+molecules). There are three lists for each body of the scene:
 
 - the *inner list* is tested in every tick;
 - the *outer list* has a skin several times as wide. The inner list is rebuilt from it about every
-  ten ticks; for each of its pairs a lower bound of the motion is known before which the pair
-  cannot belong to the inner list;
-- the *pending list* is the next outer list. While the present one is still valid, some boxes are
-  visited in each tick to fill it, so that no tick has to wait for a full traversal.
+  ten ticks; each of its pairs has a lower bound on the motion until it can belong to the inner
+  list;
+- the *pending list* is the next outer list. While the current one is still valid, each tick visits
+  some boxes to fill it, so that no tick waits for a full traversal.
 """
 
 from __future__ import annotations
@@ -44,27 +44,27 @@ from asperity.contact.broad_phase.neighbour_records import (
 )
 
 _TICKS = 10.0
-"""Ticks at the present speed for which an inner list should stay valid."""
+"""Ticks at the current speed for which an inner list should stay valid."""
 _LEAST_SKIN, _MOST_SKIN = 2e-4, 1e-3
 """Range of the inner list's skin [m]."""
 _LEAST_WIDTH = 2.0
-"""Narrowest outer list, in skins of the inner list. A pending list that overflows is begun again
-half as wide; below this width there is none."""
+"""Least skin of an outer list, in skins of the inner list. A pending list that overflows is
+restarted with half its skin, or given up below this one."""
 _WORN = 0.55
-"""Part of the outer list's skin after which the pending list is begun,"""
+"""Fraction of the outer list's skin used up when the pending list is started."""
 _PENDING_TICKS = 4.0
-"""and the number of ticks over which it is filled if it takes as many visits as the last one."""
+"""Ticks over which the pending list is filled if it takes as many visits as the last one."""
 
 
 class RelativePose(NamedTuple):
-    """Where body A is in the frame of body B."""
+    """Pose of body A in the frame of body B."""
 
     first: int
     """Number of A among the bodies."""
     second: int
     """Number of B."""
     row: int
-    """Row of the lists: the number of the one that is not the tool."""
+    """Row of the lists: number of the body that is not the tool."""
     transform: NDArray[np.float64]
     """Rotation and translation [m] from A's frame to B's, (3, 4)."""
     size: float
@@ -77,24 +77,23 @@ class RelativePose(NamedTuple):
 def _separation(table: FacetTable, f, g, limits, facets):
     """Return a lower bound of the motion until two facets are within `limits` [m].
 
-    Both are seen along g's normal. The bound is the distance by which one side of either facet has
-    the other facet beyond it, or by which the overlap is outside [-reach, max_depth]; 0 or less
-    means that there is none.
+    It is a separation of the facets, projected along g's normal, by a side of either, or the
+    distance of their overlap from [-reach, max_depth]; 0 or less if there is none.
     """
     reach = limits.reach
-    seen = stack_array((8, 2))
+    flat = stack_array((8, 2))
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     count = table.sides[f]
     low_x, low_y, shallowest = np.inf, np.inf, np.inf
     high_x, high_y, deepest = -np.inf, -np.inf, -np.inf
     for c in range(count):
-        # Seen from B's side the corners of A's facet run the other way round.
+        # Seen along B's normal, the corners of A's facet are in reverse order.
         p = facets.corners[f, count - 1 - c]
         d0, d1, d2 = p[0] - o[0], p[1] - o[1], p[2] - o[2]
         on_x = d0 * x[0] + d1 * x[1] + d2 * x[2]
         on_y = d0 * y[0] + d1 * y[1] + d2 * y[2]
         deep = -(d0 * z[0] + d1 * z[1] + d2 * z[2])
-        seen[c, 0], seen[c, 1] = on_x, on_y
+        flat[c, 0], flat[c, 1] = on_x, on_y
         low_x, high_x = min(low_x, on_x), max(high_x, on_x)
         low_y, high_y = min(low_y, on_y), max(high_y, on_y)
         shallowest, deepest = min(shallowest, deep), max(deepest, deep)
@@ -107,16 +106,16 @@ def _separation(table: FacetTable, f, g, limits, facets):
         row = table.rows[g, r]
         least = np.inf
         for c in range(count):
-            least = min(least, row[0] + row[1] * seen[c, 0] + row[2] * seen[c, 1])
+            least = min(least, row[0] + row[1] * flat[c, 0] + row[2] * flat[c, 1])
         apart = max(apart, least - reach)
     if apart > 0.0:
         return apart
     box = table.count_rows[g] == 0
     for c in range(count):
         after = c + 1 if c + 1 < count else 0
-        out_x, out_y = seen[after, 1] - seen[c, 1], seen[c, 0] - seen[after, 0]
+        out_x, out_y = flat[after, 1] - flat[c, 1], flat[c, 0] - flat[after, 0]
         size = math.sqrt(out_x * out_x + out_y * out_y)
-        base = out_x * seen[c, 0] + out_y * seen[c, 1] + size * reach
+        base = out_x * flat[c, 0] + out_y * flat[c, 1] + size * reach
         if box:
             least = -abs(out_x) * table.half[g, 0] - abs(out_y) * table.half[g, 1]
         else:
@@ -133,7 +132,8 @@ def _separation(table: FacetTable, f, g, limits, facets):
 def _motion_until_listed(table: FacetTable, f, g, limits, size, facets):
     """Return a lower bound of the tool's motion until a pair is within `limits` [m].
 
-    0 or less if it is now. `size` is half the diagonal of the tool's bounding box [m].
+    It is 0 or less if the pair is within them. `size` is half the diagonal of the tool's bounding
+    box [m].
     """
     motion = (limits.min_cosine - facing_cosine(table, f, g, facets)) * size
     motion = max(motion, sphere_separation(table, f, g, limits, facets))
@@ -142,7 +142,7 @@ def _motion_until_listed(table: FacetTable, f, g, limits, size, facets):
 
 @inner_kernel
 def _rebuild_from_outer(table: FacetTable, pose, limits, lists, facets):
-    """Fill the inner list with pairs of the outer one; return the number of pairs wanted."""
+    """Fill the inner list with pairs of the outer one; return their number, without limit."""
     facets.state[0].tick += 1
     facets.state[0].dropped = 0
     b, outer = pose.row, lists.outer
@@ -162,7 +162,7 @@ def _rebuild_from_outer(table: FacetTable, pose, limits, lists, facets):
 
 @inner_kernel
 def _rebuild_from_bvh(table: FacetTable, pose, limits, lists, facets):
-    """Fill the inner list by a full BVH traversal; return the number of pairs wanted."""
+    """Fill the inner list by a full BVH traversal; return the number of pairs, without limit."""
     found = overlapping_facet_pairs(table, pose.first, pose.second, pose.transform, limits, facets)
     count = np.int64(0)
     for i in range(found):
@@ -180,8 +180,8 @@ def _rebuild_inner(table: FacetTable, pose, limits, skin, lists, facets):
     max_depth, reach = limits.max_depth + skin, limits.reach + skin
     least = flattest(table, pose.first, pose.second)
     wide = pair_limits(max_depth, reach, least - skin / pose.size)
-    # A pair that was outside the old limits by some distance may be inside the new ones once the
-    # tool has moved, and the limits have widened, by that distance together.
+    # A pair outside the old limits by some distance may be within the new ones once the motion of
+    # the tool and the widening of the limits add up to that distance.
     wider = max(max_depth - inner.max_depth, reach - inner.reach, skin - inner.skin, 0.0)
     lists.travelled[b] += (
         largest_displacement(table, pose.first, inner.transform, pose.transform) + wider
@@ -209,8 +209,8 @@ def _measure_pending(table: FacetTable, pose, first, last, lists, facets):
     inner, pending = lists.inner.state[b], lists.pending
     least = flattest(table, pose.first, pose.second)
     limits = pair_limits(inner.max_depth, inner.reach, least - inner.skin / pose.size)
-    # By the triangle inequality: from here to the next rebuild the tool moves at most as far as
-    # from here back to the last rebuild and from there to the next.
+    # Triangle inequality: the motion from here to the next rebuild is at most that from here back
+    # to the last rebuild plus that from there to the next.
     moved = largest_displacement(table, pose.first, inner.transform, pose.transform)
     travelled = lists.travelled[b] - moved
     for i in range(first, last):
@@ -221,7 +221,7 @@ def _measure_pending(table: FacetTable, pose, first, last, lists, facets):
 
 @inner_kernel
 def _outer_will_last(table: FacetTable, pose, limits, skin, lists):
-    """Return whether the outer list will be valid for some more rebuilds of the inner list."""
+    """Return whether the outer list is good for some more rebuilds of the inner list."""
     outer = lists.outer.state[pose.row]
     moved = largest_displacement(table, pose.first, outer.transform, pose.transform)
     return (
@@ -234,7 +234,7 @@ def _outer_will_last(table: FacetTable, pose, limits, skin, lists):
 
 @inner_kernel
 def _advance_pending(table: FacetTable, pose, limits, skin, lists, facets):
-    """Visit some boxes for the pending list, if the outer list will not last much longer."""
+    """Visit some boxes for the pending list if the outer list soon becomes invalid."""
     b = pose.row
     pending, progress = lists.pending.state[b], lists.pending_state[b]
     if progress.stack_size == OVERFLOWED or skin == 0.0:
@@ -248,8 +248,8 @@ def _advance_pending(table: FacetTable, pose, limits, skin, lists, facets):
         pending.count, progress.stack_size, progress.visits = 0, 1, 0
         lists.stack[b, 0, 0], lists.stack[b, 0, 1] = table.root[pose.first], table.root[pose.second]
         copy_transform(pose.transform, pending.transform)
-    # The list is to hold what may be within its limits while the tool is within the skin of where
-    # the list was begun; as seen from the present pose, the limits are wider by the motion since.
+    # The list holds all pairs within its limits while the tool is within the skin of the pose where
+    # it was started; relative to the current pose, the limits are wider by the motion since.
     moved = largest_displacement(table, pose.first, pending.transform, pose.transform)
     if moved > pending.skin:
         progress.stack_size, progress.expected_visits = EMPTY, 2.0 * progress.expected_visits
@@ -276,7 +276,7 @@ def _advance_pending(table: FacetTable, pose, limits, skin, lists, facets):
 
 @inner_kernel
 def _facing_pairs(table: FacetTable, pose, lists, facets):
-    """Fill `facets.pairs` with the pairs of the inner list that face each other; count them."""
+    """Fill `facets.pairs` with the facing pairs of the inner list; return their number."""
     b, inner, count = pose.row, lists.inner, np.int64(0)
     least = flattest(table, pose.first, pose.second)
     for i in range(inner.state[b].count):
@@ -293,8 +293,8 @@ def _facing_pairs(table: FacetTable, pose, lists, facets):
 def neighbour_pairs(table: FacetTable, pose, limits, lists, facets):
     """Fill `facets.pairs` as `overlapping_facet_pairs` does, mostly from the neighbour lists.
 
-    Listed are all pairs of facets that overlap by more than `-reach` and less than `max_depth` and
-    lie no farther beside each other than `reach`, and few others.
+    The result has all pairs of facets with an overlap between `-reach` and `max_depth` that are at
+    most `reach` apart in B's plane, and few others.
 
     Parameters
     ----------
@@ -313,7 +313,7 @@ def neighbour_pairs(table: FacetTable, pose, limits, lists, facets):
     moved = largest_displacement(table, pose.first, inner.transform, pose.transform)
     skin = min(_LEAST_SKIN + _TICKS * pose.step, _MOST_SKIN)
     if skin < 2.0 * pose.step:
-        skin = 0.0  # no list would stay valid for a tick
+        skin = 0.0  # at this speed no list stays valid for a tick
     if (
         inner.count == EMPTY
         or moved > inner.skin

@@ -1,4 +1,4 @@
-"""Storage of the neighbour lists: pairs of facets, and the motion for which they stay valid."""
+"""Storage of the neighbour lists: facet pairs, and the motion for which they stay valid."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_pairs import STACK
 
 MAX_LISTED = 32768
-"""Room for pairs in one list."""
+"""Maximum number of pairs in a list."""
 FIRST_WIDTH = 4.0
 """Skin of the first outer list, in skins of the inner list."""
 FIRST_VISITS = 5000.0
 """Box pairs that the traversal for the first outer list is expected to visit."""
 
 EMPTY, OVERFLOWED = -1, -2
-"""Values of `count` and `stack_size`: nothing listed; more pairs than there is room for."""
+"""Values of `count` and `stack_size`: no list; more pairs than there is room for."""
 
 LIST_STATE = np.dtype(
     [
-        ("max_depth", "f8"),  # listed: facets whose smooth overlap is below this [m]
-        ("reach", "f8"),  # and which are no farther apart, or beside each other, than this [m]
-        ("skin", "f8"),  # how far the tool may move before the list is stale [m]
+        ("max_depth", "f8"),  # largest smooth overlap of listed facets [m]
+        ("reach", "f8"),  # their largest distance, along B's normal and in its plane [m]
+        ("skin", "f8"),  # motion of the tool up to which the list is valid [m]
         ("count", "i8"),  # number of pairs, or EMPTY or OVERFLOWED
-        ("transform", "f8", (3, 4)),  # from the tool's frame to the body's at the time of listing
+        ("transform", "f8", (3, 4)),  # from the tool's frame to the body's when it was built
     ],
     align=True,
 )
-"""What a list of pairs with one body covers."""
+"""Limits and state of a list of pairs with one body."""
 
 PENDING_STATE = np.dtype(
     [
@@ -55,8 +55,8 @@ class PairList(NamedTuple):
     state: NDArray[np.void]
     """`LIST_STATE` records, (bodies,)."""
     needed_at: NDArray[np.float64]
-    """`NeighbourList.travelled` from which on a pair may belong to the inner list [m],
-    (bodies, MAX_LISTED); the inner list itself has none, (bodies, 0)."""
+    """Least `NeighbourList.travelled` at which a pair may belong to the inner list [m],
+    (bodies, MAX_LISTED); (bodies, 0) in the inner list itself."""
 
 
 @by_reference
@@ -68,14 +68,14 @@ class NeighbourList(NamedTuple):
     outer: PairList
     """Wider; the inner list is rebuilt from it."""
     pending: PairList
-    """The next outer list, as far as it has been filled."""
+    """The next outer list, partly filled."""
     pending_state: NDArray[np.void]
     """`PENDING_STATE` records, (bodies,)."""
     stack: NDArray[np.int64]
-    """Box pairs that the pending list still has to visit, (bodies, STACK, 2)."""
+    """Box pairs still to be visited for the pending list, (bodies, STACK, 2)."""
     travelled: NDArray[np.float64]
-    """Distance that the tool has moved from one rebuild of the inner list to the next, and by
-    which the lists have widened, summed [m]; (bodies,)."""
+    """Sum over rebuilds of the inner list of the tool's motion and the widening of the limits [m],
+    (bodies,)."""
 
 
 def neighbour_list(bodies: int) -> NeighbourList:
@@ -121,7 +121,7 @@ def copy_transform(transform, transform_out):
 
 @inner_kernel
 def copy_list(source, b, count, list_out):
-    """Copy the first `count` pairs of body `b`, and what they cover, to another list."""
+    """Copy the first `count` pairs of body `b`, and their `LIST_STATE`, to another list."""
     copy_record(list_out.state[b], source.state[b])
     for i in range(count):
         for k in range(2):
@@ -131,7 +131,7 @@ def copy_list(source, b, count, list_out):
 
 @small_kernel
 def append_pair(pairs, b, count, f, g):
-    """Append a pair to those of body `b` if there is room; return the number of pairs wanted."""
+    """Append a pair to those of body `b` if there is room; return `count + 1` in any case."""
     if count < MAX_LISTED:
         pairs[b, count, 0], pairs[b, count, 1] = f, g
     return count + 1

@@ -1,8 +1,8 @@
-"""Convex bodies of few plane faces: their corners, faces and edges.
+"""Convex bodies with few plane faces: their corners, faces and edges.
 
 Two convex polyhedra can leave each other along the normal of a face of either, or across an edge of
-each (`manifold.polyhedron_pair`). A body whose facets lie in many planes is none, but a sphere, or
-a mesh of one, may be what meets a polyhedron.
+each (`manifold.polyhedron_pair`). A body with many planes does not count as a polyhedron, but a
+sphere, or a mesh of one, may be in contact with one.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from asperity.geometry.facets.facets import Facets
 from asperity.texture.packed import PackedTextures
 
 MOST_FACES = 64
-"""Planes of a polyhedron at most."""
+"""Maximum number of faces of a polyhedron."""
 MOST_EDGES = 3 * MOST_FACES
 _SAME_NORMAL = 1e-7
 """Largest difference between the normals of facets of one plane: file formats round to 32 bits."""
 _SAME_PLACE = 1e-6
-"""Distance between a corner and a plane it lies in, over the size of the body."""
+"""Distance between a corner and a plane that contains it, over the size of the body."""
 _ROUND, _FLAT = 1e-3, 0.03
-"""How far corners of a sphere's mesh may lie off the sphere, and facets below it, over its
-radius."""
+"""Largest distance of a spherical mesh's corners from the sphere, and of its facets below it, over
+the radius."""
 _CLOSED = 1e-4
 """Sum of the vector areas of a closed body's facets, over the sum of their areas."""
 
@@ -64,12 +64,13 @@ class Polyhedra(NamedTuple):
 def polyhedra(
     facets: list[Facets], is_plane: Sequence[bool], slopes: Array, bodies: Sequence[Body]
 ) -> Polyhedra:
-    """Collect the polyhedra among bodies of these facets, whose geoms are all plane or not.
+    """Collect the polyhedra among bodies with these facets.
 
-    `slopes` (bodies,) bounds the slopes of their textures.
+    `is_plane` is whether all faces of a body are plane, `slopes` (bodies,) bounds the slopes of
+    the textures.
     """
     parts = [
-        _polyhedron(each) if plane else _none(each)
+        _polyhedron(each) if plane else _no_parts(each)
         for each, plane in zip(facets, is_plane, strict=True)
     ]
     corners, normals, along, beside, end = (
@@ -89,7 +90,7 @@ def polyhedra(
 def _ball(body: Body, facets: Facets) -> tuple[float, ...]:
     """Return centre and radius of a body that is a sphere [m]; a radius of 0 for others.
 
-    So is a mesh with all corners on one, and facets not far below it.
+    A mesh is a sphere if its corners are on one and its facets not far below it.
     """
     none = 0.0, 0.0, 0.0, 0.0
     if body.mesh is None:
@@ -113,7 +114,7 @@ def steepness(textures: PackedTextures, geometry: Geometry, bodies: int) -> Arra
     for body, surface in zip(geometry.body, geometry.surface, strict=True):
         if geometry.texture[surface] >= 0:
             texture = textures.maps[geometry.texture[surface]]
-            # Landau's inequality: a height within h whose curvature is at most c.
+            # Landau's inequality for |height| <= h and |curvature| <= c.
             slope = np.sqrt(2.0 * texture["max_abs_height"] * texture["max_curvature"])
             out[body] = max(out[body], slope)
     return out
@@ -122,8 +123,8 @@ def steepness(textures: PackedTextures, geometry: Geometry, bodies: int) -> Arra
 _Parts = tuple[Array, Array, Array, Array, Array, NDArray[np.int64]]
 
 
-def _none(facets: Facets) -> _Parts:
-    """Return what `_polyhedron` does for a body that is none."""
+def _no_parts(facets: Facets) -> _Parts:
+    """Return the empty parts of a body that is not a polyhedron."""
     face_of = np.full(len(facets), -1)
     return (*np.zeros((3, 0, 3)), np.zeros((0, 2, 3)), np.zeros((0, 3)), face_of)
 
@@ -131,7 +132,7 @@ def _none(facets: Facets) -> _Parts:
 def _polyhedron(facets: Facets) -> _Parts:
     """Return corners, normals, edges, normals beside them and ends, and each facet's face."""
     if len(facets) < 4:
-        return _none(facets)
+        return _no_parts(facets)
     there = np.arange(facets.points.shape[1]) < facets.sides[:, None]
     size = float(np.ptp(facets.points[there], axis=0).max())
     offset = np.einsum("ij,ij->i", facets.origin, facets.axes[:, 2]) / size
@@ -140,7 +141,7 @@ def _polyhedron(facets: Facets) -> _Parts:
     while (face_of < 0).any():
         plane = all_planes[np.argmax(face_of < 0)]
         if len(planes) == MOST_FACES:
-            return _none(facets)
+            return _no_parts(facets)
         off = np.abs(all_planes - plane)
         is_same = (off[:, :3].max(axis=1) <= _SAME_NORMAL) & (off[:, 3] <= _SAME_PLACE)
         face_of[is_same & (face_of < 0)] = len(planes)
@@ -149,21 +150,21 @@ def _polyhedron(facets: Facets) -> _Parts:
     corners = _distinct(facets.points[there], size)
     over = corners @ normals.T - size * np.array(planes)[:, 3]
     if over.max() > _SAME_PLACE * size or not _is_closed(facets):
-        return _none(facets)
+        return _no_parts(facets)
     along, beside, end = _edges(corners, normals, np.abs(over) <= _SAME_PLACE * size)
     if len(along) > MOST_EDGES:
-        return _none(facets)
+        return _no_parts(facets)
     return corners, normals, along, beside, end, face_of
 
 
 def _distinct(points: Array, size: float) -> Array:
-    """Return points without those that are the same."""
+    """Return points without duplicates."""
     _, first = np.unique(np.round(points / (_SAME_PLACE * size)), axis=0, return_index=True)
     return points[np.sort(first)]
 
 
 def _is_closed(facets: Facets) -> bool:
-    """Return whether facets may enclose a volume: their vector areas sum to nothing."""
+    """Return whether facets may enclose a volume: their vector areas sum to 0."""
     following = (np.arange(facets.corners.shape[1]) + 1) % facets.sides[:, None]
     x, y = facets.corners[..., 0], facets.corners[..., 1]
     after_x, after_y = (np.take_along_axis(c, following, axis=1) for c in (x, y))
@@ -176,7 +177,7 @@ def _is_closed(facets: Facets) -> bool:
 def _edges(corners: Array, normals: Array, on: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
     """Return the directions of the edges, the normals beside them, and one end of each.
 
-    `on` has which corners (rows) lie on which faces (columns).
+    `on` is whether each corner (row) is on each face (column).
     """
     along, beside, end = [], [], []
     for one in range(len(normals)):

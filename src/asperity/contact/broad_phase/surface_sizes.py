@@ -1,4 +1,4 @@
-"""Sizes of a body's surface, which do not depend on how it is divided into facets, or placed."""
+"""Sizes of a body's surface that do not depend on its tessellation or pose."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from asperity.geometry.facets.facets import Facets
 
 _SAME_PLANE, _OFF_ROUND_NUMBERS = 1e-3, 0.2137
-"""Width of the bins of normals and of offsets over a body's size, and their shift, in bins: round
-numbers do not lie on the border of two."""
+"""Width of the bins of normals, and of offsets over a body's size, and their shift, in bins, which
+keeps round numbers off the bins' borders."""
 
 
 def flat_area(facets: Facets) -> float:
-    """Return the mean area of plane faces, weighted by their areas [m^2], however they are cut.
+    """Return the mean area of plane faces, weighted by their areas [m^2].
 
-    Facets are of one face if their normals and offsets fall into the same bins.
+    Facets belong to one face if their normals and offsets are in the same bins.
     """
     area = _triangles(facets)[1].sum(axis=1)
     normal, origin = facets.axes[:, 2], facets.origin
@@ -30,14 +30,14 @@ def flat_area(facets: Facets) -> float:
 def surface_width(facets: Facets) -> float:
     """Return the second largest standard deviation of a surface along its principal axes [m].
 
-    For a long tool it measures the thickness, and for a thin plate it does not.
+    It is the thickness of a long tool, but not that of a thin plate.
     """
     corners, area = _triangles(facets)
     corners, area = corners.reshape(-1, 3, 3), area.ravel()
     total = max(area.sum(), 1e-30)
     mean = area @ corners.mean(axis=1) / total
     corners = corners - mean
-    # The integral of x x^T over a triangle follows from its corners and from their sum.
+    # The integral of x x^T over a triangle, from its corners and their sum.
     around = np.einsum("t,tci,tcj->ij", area, corners, corners)
     whole = np.einsum("t,ti,tj->ij", area, corners.sum(axis=1), corners.sum(axis=1))
     return float(np.sqrt(np.linalg.eigvalsh((around + whole) / (12.0 * total))[1]))

@@ -17,7 +17,7 @@ from asperity.contact.manifold.separation import aligned_on, fill_geom_frame, is
 from asperity.contact.manifold.separations import fill_separations
 
 _SAME_PATCH = 0.5
-"""Cosine between normals above at a contact continues one of the last tick."""
+"""Cosine between normals above which a contact continues one of the last tick."""
 
 
 @inner_kernel
@@ -108,7 +108,7 @@ def _same_part(geometry, memory, used, found):
 
 @inner_kernel
 def find_parts(textures, geometry, frames, centre, parameters, memory):
-    """Fill the directions along at each pair may separate, and assign each pair to a part.
+    """Fill the directions along which each pair may separate, and assign each pair to a part.
 
     Parameters
     ----------
