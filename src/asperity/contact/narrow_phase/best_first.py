@@ -1,12 +1,12 @@
 """The deepest overlap among many pairs of patches, by best-first branch and bound.
 
-Wide contact of two textured bodies has thousands of points that are nearly as deep. Boxes of all
-pairs of plane patches stand in one heap, ordered by a bound that costs two look-ups in the
-textures' pyramids. A box is quartered until it is about as large as the finest waves of the
-textures; only then is it evaluated with second-order bounds and Newton ascents (and over a smooth
-plane, a little before, with second-order bounds alone). So the budget is spent where the deepest
-point may be, and the top of the heap bounds the rest. Pairs with a curved patch are searched depth
-first when it is their turn.
+Wide contact of two textured bodies has thousands of points that are almost equally deep. Boxes of
+all pairs of plane patches are kept in one heap, ordered by a bound that costs two look-ups in the
+textures' pyramids. A box is quartered until it is about as small as the textures' finest waves;
+only then is it evaluated with second-order bounds and Newton ascents (over a smooth plane, a little
+earlier, with second-order bounds alone). So the budget is spent where the deepest point may be, and
+the top of the heap bounds the rest. Pairs with a curved patch are searched depth first when they
+reach the top.
 """
 
 from __future__ import annotations
@@ -44,24 +44,24 @@ from asperity.contact.narrow_phase.patch_pair import (
 from asperity.contact.narrow_phase.plane_boxes import beyond_straight_borders
 
 _LAST, _LAST_CUT = 16, 2
-"""Boxes that are ascended in when the budget is spent, and when the time is."""
+"""Number of ascents from open boxes once the node budget, or the time, is spent."""
 _LEAF = 2.0
-"""Size at which boxes are evaluated to second order [grains of the finer texture]."""
+"""Size at which boxes are evaluated with second-order bounds [grains of the finer texture]."""
 _FINE = 2.0
-"""Size at which boxes of a rough plane and a smooth one are bounded to second order [grains]."""
+"""Size at which boxes of a rough and a smooth plane get a second-order bound [grains]."""
 _RESOLVED = 1.5
-"""Size at which certified boxes are no longer divided [grains]."""
+"""Size below which certified boxes are not divided [grains]."""
 _CHEAP = 0.1
-"""Cost of a bound from the pyramids alone [nodes]."""
+"""Cost of a bound by the pyramids alone [nodes]."""
 _INITIAL = 2.0
 """Cost of the first ascent in a pair [nodes]."""
 
 
 @small_kernel
 def _grain(textures, patch):
-    """Return the length over which a texture bends by its own height, by a patch's parameters [m].
+    """Return the square root of a texture's height over its curvature, in patch parameters [m].
 
-    For a sinusoid that is its wavelength over 2 pi.
+    For a sinusoid this is its wavelength over 2 pi.
     """
     if patch.texture < 0:
         return np.inf
@@ -74,7 +74,7 @@ def _grain(textures, patch):
 
 @small_kernel
 def _beyond_added(textures, a, b, box, added):
-    """Return whether a box lies beyond one of the last `added` borders of B's patch."""
+    """Return whether a box is beyond one of the last `added` borders of B's patch."""
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
@@ -87,8 +87,8 @@ def _beyond_added(textures, a, b, box, added):
 
 
 @inner_kernel
-def ascend_in(textures, stride, count, found, memory):
-    """Ascend from the last deepest point in its pair of planes, number, x and y `found`, if any.
+def ascend_from_last(textures, stride, count, found, memory):
+    """Ascend from the last deepest point, if any: pair number, x and y in `found`.
 
     Ascending in every pair would take most of the time.
     """
@@ -119,14 +119,14 @@ def _box_of(node, candidate):
 
 @small_kernel
 def _retire(queue, retired, number):
-    """Keep a node that is pruned or left for later searches; return how many there are."""
+    """Keep a pruned or remaining node for later searches; return the number of retired nodes."""
     queue.retired[retired] = number
     return retired + 1
 
 
 @inner_kernel
 def _fill_heap(textures, stride, count, memory, queue, added):
-    """Fill the heap; return how many nodes are in it, in use, and retired."""
+    """Fill the heap; return the numbers of nodes in it, in use, and retired."""
     search, candidates, nodes = memory.search[0], memory.candidates, queue.nodes
     size, used, retired = np.int64(0), np.int64(0), np.int64(0)
     if added == 0:
@@ -166,10 +166,10 @@ def _set_node(node, box, bound, row):
 
 @small_kernel
 def _divide(textures, planes, pair, node, row, grains, search, queue):
-    """Bound the quarters of a node of two planes and store them after those in use.
+    """Bound the quarters of a node of two planes, and store them after the nodes in use.
 
-    Returns the number of the best quarter, -1 without one, and its bound. Pruned quarters are
-    marked. `grains` is the node's size over the grain of the texture.
+    Returns the number of the best quarter, or -1, and its bound. Pruned quarters are marked.
+    `grains` is the node's size over the grain of the texture.
     """
     nodes, used = queue.nodes, queue.state[0].used
     x0, x1, y0, y1, above = node
@@ -220,26 +220,26 @@ def _divide(textures, planes, pair, node, row, grains, search, queue):
 
 @inner_kernel
 def best_first_search(textures, stride, count, guess, tolerance, memory, queue, added):
-    """Search the first `count` candidates of `memory`, the one with the largest bound first.
+    """Search the first `count` candidates of `memory` in the order of their bounds.
 
     Parameters
     ----------
     stride : int
-        Of the numbers of pairs: A's patch * stride + B's patch.
+        Of pair numbers: A's patch * stride + B's patch.
     guess : tuple (float, float)
         (u, v) of the last deepest point, nan if unknown.
     tolerance : float
         A box is not divided for a gain smaller than this [m].
     queue : NodeQueue
-        Nodes that are pruned are retired there.
+        Receives the retired nodes.
     added : int
-        Borders added to B's patches since the last search that added none; if there are any, the
-        search continues from the nodes which that one retired.
+        Borders added to B's patches since the last search with none added; if not 0, the search
+        starts from the nodes which that search retired.
     """
     search, candidates, nodes = memory.search[0], memory.candidates, queue.nodes
     heap, keys = queue.heap, queue.keys
     for row in range(count):
-        # Boxes of two planes, one of them rough, lead to their deepest points by themselves.
+        # Pairs of planes, one of them rough, need no initial ascent.
         candidates[row].is_initialised = candidates[row].extent[0] == candidates[row].extent[0]
     size, used, retired = _fill_heap(textures, stride, count, memory, queue, added)
     while size > 0:
@@ -262,7 +262,7 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
             candidate.is_initialised = True
             initialise_pair(textures, patch, other, guess, search, candidate)
             search.nodes += _INITIAL
-            # Two straight patches are solved, but not for a sub-region.
+            # Two straight patches are solved by now, but not for a sub-region.
             push(heap, keys, size, number, min(above, candidate.bound))
             size += 1
             continue
@@ -281,7 +281,7 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
         x0, x1, y0, y1 = _box_of(nodes[number], candidate)
         resolved = _RESOLVED * grain
         if patch.stiffness_map >= 0 and grain == np.inf:
-            # Of a map that is level in parts, the middle of these counts.
+            # Where a stiffness map is constant, the middle of that part represents it.
             sides = candidate.box
             resolved = FINEST_TIE * max(sides[1] - sides[0], sides[3] - sides[2])
         while True:
@@ -292,7 +292,7 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
                 search.nodes += 1.0
                 resolve_once(textures, pair, box, above, search)
             elif is_done:
-                # Facets that only meet along an edge have a box without width, not divided before.
+                # Facets that share only an edge have a box without width, never divided before.
                 if large < SMALLEST:
                     evaluate_node(textures, pair, box, above, search)
                     above = min(above, search.last_bound)
@@ -307,17 +307,17 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
                 textures, planes, pair, (x0, x1, y0, y1, above), row, grains, search, queue
             )
             used = queue.state[0].used
-            # Plunge into the best quarter until it is small: what is found there prunes others.
-            plunge = highest > pruning_threshold(search) and grains > _LEAF
+            # Dive into the best quarter until it is small: an incumbent found there prunes others.
+            dives = highest > pruning_threshold(search) and grains > _LEAF
             for k in range(first, used):
                 node = nodes[k]
                 if node.is_pruned:
                     if added == 0:
                         retired = _retire(queue, retired, k)
-                elif k != best or not plunge:
+                elif k != best or not dives:
                     push(heap, keys, size, k, node.bound)
                     size += 1
-            if not plunge:
+            if not dives:
                 break
             x0, x1, y0, y1 = nodes[best].x0, nodes[best].x1, nodes[best].y0, nodes[best].y1
             above, number = highest, best
@@ -331,7 +331,7 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
 def _ascend_in_best(textures, stride, size, memory, queue):
     """Ascend from the centres of the boxes with the largest bounds, of `size` in the heap.
 
-    A search that ends before it has divided them would report what it happened to find.
+    This improves the incumbent of a search that ends before dividing them.
     """
     search = memory.search[0]
     most = _LAST_CUT if search.is_cut_short else _LAST

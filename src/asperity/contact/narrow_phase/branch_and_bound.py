@@ -1,11 +1,11 @@
 """The deepest overlap of two patches, by branch and bound.
 
-A box of the first patch's parameters is pruned if its upper bound does not exceed what has been
-found already; otherwise it is quartered. The deepest point is the end of a Newton ascent, so the
-result is a local maximum to rounding, and no other point is deeper by more than the gap.
+A box of the first patch's parameters is pruned if its upper bound does not exceed the incumbent;
+otherwise it is quartered. The deepest point is the end of a Newton ascent, so the result is a local
+maximum up to rounding, and no other point is deeper by more than the gap.
 
-Boxes that may hold a point as deep as the incumbent are divided further, but only down to a
-twentieth of the contact (`FINEST_TIE`).
+Boxes that may hold a point as deep as the incumbent are divided down to a twentieth of the contact
+(`FINEST_TIE`).
 """
 
 from __future__ import annotations
@@ -43,18 +43,19 @@ from asperity.contact.narrow_phase.start_boxes import start_boxes
 from asperity.contact.narrow_phase.tighten import tighten_bound
 
 FINEST_TIE = 1.0 / 20.0
-"""Box size over the size of the contact at which boxes are no longer divided to find ties."""
+"""Box size, over that of the contact, below which boxes are not divided to find ties."""
 SMALLEST = 1e-10
-"""Box size at which boxes are no longer divided [m]."""
+"""Box size below which boxes are not divided [m]."""
 _FLAT_SLOPE = 1e-7
-"""Slope below which smooth planes are parallel."""
-_GRAIN = 1e-12
-"""A bound this close to the maximum found in its box is attained there [m]."""
+"""Slope below which smooth planes count as parallel."""
+_ROUNDING = 1e-12
+"""Difference between a bound and the maximum found in its box at which the bound is attained [m].
+"""
 
 
 @inner_kernel
 def _clear_of_limits(patch, other, box, search):
-    """Return whether a box round the point `search.at` meets no limit, of straight ones."""
+    """Return whether a box around the point `search.at` is within all limits, linearised there."""
     x0, x1, y0, y1 = box
     limits, half_x, half_y = search.limits, 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     for i in range(limits_at(patch, other, search.at, limits)):
@@ -66,12 +67,12 @@ def _clear_of_limits(patch, other, box, search):
 
 @inner_kernel
 def _base_maximum(textures, patch, other, window, search):
-    """Return where on a patch the smooth bases overlap most, or nearly so."""
+    """Return the parameters at which the smooth bases overlap most, or nearly so."""
     x, y = middle_of(other, patch)
     x0, x1, y0, y1 = window
     slope, other_slope = patch.slope, other.slope
     if patch.bulge == slope[0] == slope[1] == 0.0 and other_slope[0] == other_slope[1] == 0.0:
-        # Both are level there.
+        # Both bases are level there.
         return min(max(x, x0), x1), min(max(y, y0), y1)
     texture, other_texture = patch.texture, other.texture
     patch.texture, other.texture = -1, -1
@@ -84,8 +85,8 @@ def _base_maximum(textures, patch, other, window, search):
 def initialise_pair(textures, patch, other, guess, search, candidate):
     """Ascend once in a candidate pair, so that all pairs start from a good incumbent.
 
-    `guess` (u, v) is a point of the contact frame to start from, as the last deepest point; nan if
-    unknown. Fills the candidate's bound, -inf where nothing overlaps, and base point.
+    `guess` (u, v) is a start point, such as the last deepest point; nan if unknown. Fills the
+    candidate's bound, -inf without an overlap, and its base point.
     """
     shift = pair_shift(textures, patch, other)
     window = window_of(patch, other, shift)
@@ -94,7 +95,7 @@ def initialise_pair(textures, patch, other, guess, search, candidate):
     if not (x0 <= x1 and y0 <= y1):
         return
     if is_straight(patch) and is_straight(other) and search.load == 0.0:
-        # Solved exactly: there is nothing to search.
+        # Solved exactly, without a search.
         found, area = deepest_of_planes(textures, patch, other, TIE, search)
         if found:
             search.nodes += 1.0
@@ -119,7 +120,7 @@ def initialise_pair(textures, patch, other, guess, search, candidate):
 
 @inner_kernel
 def _is_flat(textures, pair, box, search):
-    """Return whether both patches are smooth planes over a box, and it is lowered evenly."""
+    """Return whether both patches are smooth planes over a box, lowered by a constant."""
     patch, other = pair.patch, pair.other
     if patch.bulge > 0.0 or other.bulge > 0.0 or patch.texture >= 0 or other.texture >= 0:
         return False
@@ -131,10 +132,10 @@ def _is_flat(textures, pair, box, search):
 
 @inner_kernel
 def evaluate_node(textures, pair, box, bound, search):
-    """Return an upper bound of the overlap over a box that has to be divided, -inf if it is pruned.
+    """Return an upper bound of the overlap over a box to be divided, -inf if it is pruned.
 
-    `bound` is that of the parent box; for `PLANES`, the box's own of order zero. The bound is left
-    in `search.last_bound` even if the box is pruned. Local maxima found on the way are recorded.
+    `bound` is that of the parent box; for `PLANES`, the order-zero bound of the box. The new bound
+    is stored in `search.last_bound` even if the box is pruned. Local maxima found are recorded.
     """
     patch, other, at = pair.patch, pair.other, search.at
     p0, p1, q0, q1 = box
@@ -155,9 +156,9 @@ def evaluate_node(textures, pair, box, bound, search):
         found_high, is_candidate = tighten_bound(textures, pair, box, found, threshold, search)
         high = min(found_high, bound)
     search.last_bound = high
-    is_solved = is_candidate and found.kind == CONCAVE and high <= at.f + _GRAIN
+    is_solved = is_candidate and found.kind == CONCAVE and high <= at.f + _ROUNDING
     if (
-        # The maximum may be near the centre, or be the highest point. A point beyond a limit is no
+        # Ascend only from points that may improve the incumbent. A point beyond a limit is no
         # evidence of a maximum within, and many boxes have a deep one.
         is_candidate
         and at.f > search.incumbent - TIE
@@ -174,7 +175,7 @@ def evaluate_node(textures, pair, box, bound, search):
         return -np.inf
     is_level = is_candidate and high <= at.f + TIE and _is_flat(textures, pair, box, search)
     if is_level and _clear_of_limits(patch, other, box, search):
-        # Flat on flat: all of the box is equally deep.
+        # Flat on flat: the whole box is equally deep.
         search.upper_bound = max(search.upper_bound, high)
         record_maximum(search, pair.number, (p1 - p0) * (q1 - q0))
         return -np.inf
@@ -183,7 +184,7 @@ def evaluate_node(textures, pair, box, bound, search):
 
 @inner_kernel
 def resolve_leaf(textures, pair, box, bound, search):
-    """Ascend from a small box that is certified, to find a point as deep as the incumbent."""
+    """Ascend from a small certified box to find a point as deep as the incumbent."""
     patch, other, at = pair.patch, pair.other, search.at
     x0, x1, y0, y1 = box
     search.upper_bound = max(search.upper_bound, bound)
@@ -192,7 +193,7 @@ def resolve_leaf(textures, pair, box, bound, search):
     if _is_flat(textures, pair, box, search):
         overlap_at(textures, patch, other, x, y, search, at)
         if abs(at.f_x) + abs(at.f_y) < _FLAT_SLOPE:
-            # Flat on flat: the box counts if its centre does.
+            # Flat on flat: the box counts if its centre is within the limits.
             if _clear_of_limits(patch, other, (x, x, y, y), search):
                 record_maximum(search, pair.number, weight)
             return
@@ -202,7 +203,7 @@ def resolve_leaf(textures, pair, box, bound, search):
 
 @small_kernel
 def _place_node(stack, first, top, box, bound):
-    """Insert a box into the stack so that the largest bound since `first` is on top."""
+    """Insert a box into the stack so that entries from `first` on are in the order of bounds."""
     place = top
     while place > first and stack[place - 1].bound > bound:
         below, above = stack[place - 1], stack[place]

@@ -60,9 +60,9 @@ def lift_plane(patch, x, y, height, out):
 
 @inner_kernel
 def place_on_plane(textures, patch, u, v, x, y):
-    """Return the parameters at which a displaced plane with a planar map lies over (u, v).
+    """Return the parameters of a displaced plane's point at (u, v), for a planar map.
 
-    Newton's method from (x, y), nearly always to a picometre; nan if it fails.
+    Newton's method from (x, y), almost always to a picometre; nan if it fails.
     """
     k = patch.texture
     du, dv = u - patch.origin[0], v - patch.origin[1]

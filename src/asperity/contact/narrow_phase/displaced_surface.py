@@ -1,9 +1,9 @@
 """The displaced surface of a patch: points with derivatives, and heights over (u, v).
 
-`surface_at` maps the parameters (x, y) of a patch to a point; the search runs over these.
-`height_at` returns height, slope and curvature over (u, v) of the contact frame, with which the
-other body's point is compared. It is in closed form unless the texture moves points sideways; then
-Newton's method finds the parameters of the point.
+`surface_at` maps the parameters (x, y) of a patch, over which the search runs, to a point.
+`height_at` returns height, slope and curvature over (u, v) of the contact frame, to compare with
+the other body's point. It is in closed form unless the texture moves points sideways; then Newton's
+method finds the parameters of the point.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ _NEWTON_STEPS = 20
 _CONVERGED = 1e-16
 """Lateral residual at which Newton's method ends [m]."""
 NO_WEIGHT = 1e-12
-"""Of the three maps of a triplanar map, those with a smaller weight are left out."""
+"""Weight of one of a triplanar map's three maps below which it is ignored."""
 _NEAR = 1e-9
-"""Half side of the box for the place of one point [m]."""
+"""Half side of the box around a single point [m]."""
 _LINEAR = 1e-12
-"""Residual on a plane below which the rest is extrapolated linearly [m]: slopes differ by 1e-8."""
+"""Residual on a plane below which the last step is linear [m]: slopes differ by 1e-8."""
 
 
 @small_kernel
 def ellipse_form(patch, x, y):
-    """Return a^T E a, which is 1 on the ellipse that a curved patch ends at."""
+    """Return a^T E a, which is 1 on the ellipse that bounds a curved patch."""
     e11, e12, e22 = patch.ellipse[0], patch.ellipse[1], patch.ellipse[2]
     return x * (e11 * x + e12 * y) + y * (e12 * x + e22 * y)
 
@@ -127,7 +127,7 @@ def _triplanar_map(textures, patch, texture, x, y, root):
         w = n0[k] + n1[k] * x + n2[k] * y + n3[k] * r
         weight = w * w * w * w
         if weight < NO_WEIGHT:
-            # Imperceptible; and a plane across an axis has exactly the map of that axis.
+            # Imperceptible; and a plane normal to an axis has exactly the map of that axis.
             continue
         w_x, w_y = n1[k] + n3[k] * r_x, n2[k] + n3[k] * r_y
         slope, bend, c = 4.0 * w * w * w, 12.0 * w * w, n3[k]
@@ -161,7 +161,7 @@ def _triplanar_map(textures, patch, texture, x, y, root):
 def height_on(textures, patch, texture, x, y, root):
     """Return the height t of a texture at (x, y) of a patch, and t_x, t_y, t_xx, t_xy, t_yy.
 
-    `texture` is the number of the patch's own texture, or of a map that is mapped as that is.
+    `texture` is the number of the patch's texture, or of a map with the same mapping.
     """
     mapping = patch.mapping
     if mapping == PLANAR:
@@ -240,7 +240,7 @@ def surface_at(textures, patch, x, y, out):
 
 @small_kernel
 def place_at(patch, x, y):
-    """Return (u, v) of the base point with the parameters (x, y)."""
+    """Return (u, v) of the base point at the parameters (x, y)."""
     return (
         patch.origin[0] + patch.lateral[0, 0] * x + patch.lateral[0, 1] * y,
         patch.origin[1] + patch.lateral[1, 0] * x + patch.lateral[1, 1] * y,
@@ -249,7 +249,7 @@ def place_at(patch, x, y):
 
 @small_kernel
 def parameters_at(patch, u, v):
-    """Return the parameters (x, y) whose base point lies at (u, v)."""
+    """Return the parameters (x, y) of the base point at (u, v)."""
     du, dv = u - patch.origin[0], v - patch.origin[1]
     i, j, k, m = entries(patch.lateral_inverse)
     return i * du + j * dv, k * du + m * dv
@@ -257,7 +257,7 @@ def parameters_at(patch, u, v):
 
 @small_kernel
 def base_height_at(patch, u, v):
-    """Return z, z_u, z_v, z_uu, z_uv, z_vv of the smooth base over (u, v); nan where it ends."""
+    """Return z, z_u, z_v, z_uu, z_uv, z_vv of the smooth base at (u, v); nan beyond its ellipse."""
     x, y = parameters_at(patch, u, v)
     r, r_x, r_y, r_xx, r_xy, r_yy = root_at(patch, x, y)
     c = patch.bulge
@@ -312,7 +312,7 @@ def height_at(textures, patch, u, v, point):
             j * (t_xx * j + t_xy * m) + m * (t_xy * j + t_yy * m),
             x, y,
         )  # fmt: skip
-    # Start inside the ellipse: the shift is small, and decides which side of its rim counts.
+    # Start inside the ellipse: the shift is small, and selects the side of the rim.
     if patch.bulge > 0.0:
         inside = ellipse_form(patch, x, y)
         most = 1.0 - 0.25 * patch.min_root**2
@@ -346,7 +346,7 @@ def height_at(textures, patch, u, v, point):
             point.p[2] += point.p_x[2] * step_x + point.p_y[2] * step_y
             break
     q11, q12, q21, q22 = entries(patch.lateral)
-    # Overhanging surface is seen from within here: its determinant changes sign.
+    # An overhanging surface is seen from inside: its determinant changes sign.
     if not error < 1e-12 or not det * (q11 * q22 - q12 * q21) > 0.0:
         return nothing
     z_x, z_y = point.p_x[2], point.p_y[2]

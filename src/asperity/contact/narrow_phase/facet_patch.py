@@ -57,7 +57,7 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
     fill_properties(geometry, surface, patch)
     patch.friction = table.friction[f]
     if patch.friction == patch.friction:
-        patch.friction_map = -1  # that of a material comes first
+        patch.friction_map = -1  # a material's coefficient takes precedence
     stiffness = table.stiffness[f]
     if stiffness == stiffness:
         patch.stiffness_map, patch.compliance = -1, 1.0 / stiffness
@@ -85,7 +85,7 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
 
 @inner_kernel
 def _fill_fold(geometry, surface, patch):
-    """Fill how much the texture shears a facet sideways, with the normals as they vary inside."""
+    """Fill the shear of a facet by its texture, including the variation of its normal."""
     square = turn = 0.0
     for i in range(3):
         square += patch.normal[i] ** 2
@@ -97,7 +97,7 @@ def _fill_fold(geometry, surface, patch):
 
 @inner_kernel
 def _fill_extent(table, f, patch):
-    """Fill rectangle, borders and corners of a facet, and the part of (u, v) that it covers."""
+    """Fill rectangle, borders and corners of a facet, and its extent in (u, v)."""
     half_x, half_y, rectangle = table.half[f, 0], table.half[f, 1], patch.rectangle
     rectangle[0], rectangle[1], rectangle[2], rectangle[3] = -half_x, half_x, -half_y, half_y
     count = table.count_rows[f]
@@ -124,9 +124,9 @@ def _fill_extent(table, f, patch):
 
 @inner_kernel
 def _fill_normal_bounds(table, f, patch):
-    """Fill how far the unit normal of a facet leans sideways, and how far it rises, at most.
+    """Fill upper bounds of the lateral part and of the z component of a facet's unit normal.
 
-    The normal before normalisation is linear, so both are largest in a corner of the rectangle.
+    The normal before normalisation is linear, so both are largest at a corner of the rectangle.
     """
     n, n_x, n_y = patch.normal, patch.normal_from_x, patch.normal_from_y
     lateral, rise, least = 0.0, 0.0, table.least[f]

@@ -1,7 +1,7 @@
 """Fast path for two smooth planes: their overlap is linear, so its maximum is at a corner.
 
-If all of the overlap polygon is equally deep, or one of its sides, its centroid represents it, with
-its area, or its length, as weight.
+If the whole overlap polygon, or one of its sides, is equally deep, its centroid represents it, with
+its area or length as weight.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from asperity.contact.narrow_phase.overlap import overlap_at
 from asperity.contact.narrow_phase.polygon import clip
 
 _SLACK = 1e-15
-"""Distance by which sides are widened, or rounding would decide where two edges meet [m]."""
+"""Distance by which sides are moved outwards against rounding where two edges meet [m]."""
 _LINE_WIDTH = 1e-9
 """Width that turns the length of a line into a weight [m]."""
 
 
 @inner_kernel
 def is_straight(patch):
-    """Return whether a patch is plane and smooth with straight sides, unlike a cylinder's end."""
+    """Return whether a patch is plane, smooth, and has straight sides, unlike a cylinder's end."""
     if patch.bulge > 0.0 or patch.texture >= 0:
         return False
     curved = 0
@@ -34,9 +34,9 @@ def is_straight(patch):
 
 @inner_kernel
 def plane_overlap(patch, other, slack, polygon):
-    """Fill `polygon` with the part of a patch's parameters over which two plane patches overlap.
+    """Fill `polygon` with the part of a patch's parameters where two plane patches overlap.
 
-    The limits of the other patch are widened by `slack` [m]; curved ones are left out. Returns the
+    The limits of the other patch are widened by `slack` [m]; curved ones are ignored. Returns the
     number of corners and the overlap of the smooth bases, which is linear: at (0, 0), by x, by y.
     """
     b0, b1, b2, c0, c1, c2 = parameters_over(patch, other)
@@ -86,13 +86,13 @@ def plane_overlap(patch, other, slack, polygon):
 
 @inner_kernel
 def deepest_of_planes(textures, patch, other, tie, search):
-    """Leave the deepest point of two smooth plane patches in `search.at`.
+    """Fill `search.at` with the deepest point of two smooth plane patches.
 
     Returns
     -------
     tuple (bool, float)
-        Whether there is such a point; the area that it represents [m^2]. Corners that are less
-        deep by at most `tie` [m] count as equally deep.
+        Whether there is such a point; the area that it represents [m^2]. Corners within `tie` [m]
+        of the deepest count as equally deep.
     """
     polygon, at = search.polygon, search.at
     size, at_zero, g_x, g_y = plane_overlap(patch, other, _SLACK, polygon)
@@ -101,7 +101,7 @@ def deepest_of_planes(textures, patch, other, tie, search):
     most = -np.inf
     for j in range(size):
         most = max(most, g_x * polygon[j, 0] + g_y * polygon[j, 1])
-    # Keep the corners that are equally deep; they are consecutive.
+    # Keep the equally deep corners; they are consecutive.
     tied = 0
     for j in range(size):
         if g_x * polygon[j, 0] + g_y * polygon[j, 1] >= most - tie:

@@ -1,6 +1,6 @@
-"""Coulomb's coefficient at the deepest points, where a map gives it.
+"""Coulomb's coefficient at the deepest points, where it is given by a map.
 
-A map of friction lies on a patch as a texture does, and is read at the same places.
+A friction map has the mapping of a texture, and is read at the same texture coordinates.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def _friction_at(textures, patch, x, y):
 def friction_of_tie(textures, stride, tie, is_a, memory):
     """Return Coulomb's coefficient of two surfaces at a tie, and whether either has a map.
 
-    It is nan if neither has any. `is_a`: whether A's patch was searched.
+    It is nan if neither has a coefficient. `is_a` is whether A's patch was searched.
     """
     a, b = memory.patches_a[tie.pair // stride], memory.patches_b[tie.pair % stride]
     patch, other = (a, b) if is_a else (b, a)
@@ -66,9 +66,9 @@ def friction_of_tie(textures, stride, tie, is_a, memory):
 
 @small_kernel
 def contact_friction(result, usual, without_maps):
-    """Return Coulomb's coefficient of the contact whose `PENETRATION` this is [-].
+    """Return Coulomb's coefficient of the contact with this `PENETRATION` [-].
 
-    `usual` is that of the force law, `without_maps` that of the two surfaces if no map gives any.
+    `usual` is that of the force law, `without_maps` that of the two surfaces if neither has a map.
     """
     if result.friction == result.friction:
         return result.friction + result.unknown * usual

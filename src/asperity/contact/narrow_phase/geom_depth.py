@@ -39,15 +39,15 @@ from asperity.contact.narrow_phase.surface_patch import entries, fill_patches, s
 
 
 class BodyGeoms(NamedTuple):
-    """Geoms of one body that may touch, and where the body is."""
+    """Geoms of one body that may touch, and the body's frame."""
 
     geoms: NDArray[np.int64]
-    """Numbers of geoms, of which the first `number` count."""
+    """Numbers of geoms, of which the first `number` are valid."""
     number: int
     frame: NDArray[np.float64]
     """Rotation of the body and position from the contact's origin, world axes, (3, 4) [m]."""
     stretch: float
-    """How far flat faces across n reach over their edges [m]."""
+    """How far to extend flat faces normal to n beyond their edges [m]."""
 
 
 class DepthQuery(NamedTuple):
@@ -62,19 +62,19 @@ class DepthQuery(NamedTuple):
 
 
 class SearchLimits(NamedTuple):
-    """When a search may end."""
+    """Termination criteria of a search."""
 
     tolerance: float
-    """Gap between the bounds of the depth that is sought [m]."""
+    """Gap between lower and upper bound of the depth [m]."""
     max_nodes: int
-    """Most boxes to evaluate."""
+    """Maximum number of boxes to evaluate."""
 
 
 @inner_kernel
 def fill_geom_patches(geometry, g, frame, body, patches_out, first):
     """Fill the patches of a geom from `first` on, seen along the third row of `frame` (3, 3).
 
-    `body` (3, 4) is the frame of its body; see `BodyGeoms`. Returns how many patches there are.
+    `body` (3, 4) is the frame of its body; see `BodyGeoms`. Returns the number of patches.
     """
     place, axes = stack_array((3,)), stack_array((3, 3))
     for i in range(3):
@@ -98,7 +98,7 @@ def fill_geom_patches(geometry, g, frame, body, patches_out, first):
 
 @inner_kernel
 def fill_body_patches(geometry, body, frame, patches_out):
-    """Fill the patches of a `BodyGeoms`, seen along the third row of `frame`; return how many."""
+    """Fill the patches of a `BodyGeoms`, seen along the third row of `frame`; return the number."""
     made = np.int64(0)
     for n in range(body.number):
         made = fill_geom_patches(geometry, body.geoms[n], frame, body.frame, patches_out, made)
@@ -111,7 +111,7 @@ def fill_body_patches(geometry, body, frame, patches_out):
 
 @inner_kernel
 def fill_facing_patches(geometry, query, frame, memory):
-    """Fill the patches of both bodies of a query that face each other; return how many of A, of B.
+    """Fill the facing patches of both bodies of a query; return their numbers of A and of B.
 
     `frame` (3, 3) is filled with the axes u, v and -n.
     """
@@ -167,7 +167,7 @@ def fill_depth_along(textures, geometry, query, limits, memory, result_out):
 
 @inner_kernel
 def _search_all(textures, made, guess, limits, memory):
-    """Search all pairs of patches from the place `guess` (u, v), where that is known."""
+    """Search all pairs of patches, starting from `guess` (u, v), nan if unknown."""
     made_a, made_b = made
     begin_search(memory.search[0], float(limits.max_nodes), -np.inf)
     for number in range(made_a * made_b):
@@ -179,7 +179,7 @@ def _search_all(textures, made, guess, limits, memory):
 
 @inner_kernel
 def _search_under_load(textures, made, limits, memory):
-    """Find the load of bodies of which one has a map of stiffness, by a search or a few."""
+    """Find the load of two bodies, one with a stiffness map, by one or more searches."""
     search, nodes = memory.search[0], 0.0
     for _ in range(MOST_SEARCHES):
         raise_load(textures, made[1], memory)
@@ -197,7 +197,7 @@ def _search_under_load(textures, made, limits, memory):
 
 @kernel
 def depth_along(textures, geometry, query, limits, memory, result_out):
-    """Do what `fill_depth_along` does, called from Python; `result_out` has one record."""
+    """Call `fill_depth_along` from Python; `result_out` has one record."""
     fill_depth_along(textures, geometry, query, limits, memory, result_out[0])
 
 
@@ -205,8 +205,8 @@ def depth_along(textures, geometry, query, limits, memory, result_out):
 def smooth_texture_under(textures, geometry, body, n, place, memory, gradient_out):
     """Return the height of B's texture at a point of its smooth surface, above its lowest [m].
 
-    Fills the height's gradient (3,) across n, world axes. `body` is B's `BodyGeoms`; `place` (3,)
-    is seen from the contact's origin.
+    Fills the height's gradient (3,) normal to n, world axes. `body` is B's `BodyGeoms`; `place`
+    (3,) is relative to the contact's origin.
     """
     clear(gradient_out)
     frame = stack_array((3, 3))
@@ -214,14 +214,14 @@ def smooth_texture_under(textures, geometry, body, n, place, memory, gradient_ou
     made = fill_body_patches(geometry, body, frame, memory.patches_b)
     u = frame[0, 0] * place[0] + frame[0, 1] * place[1] + frame[0, 2] * place[2]
     v = frame[1, 0] * place[0] + frame[1, 1] * place[1] + frame[1, 2] * place[2]
-    best, which = -np.inf, -1
+    best, top = -np.inf, -1
     for i in range(made):
         z = base_height_at(memory.patches_b[i], u, v)[0]
         if z > best:
-            best, which = z, i
-    if which < 0 or memory.patches_b[which].texture < 0:
+            best, top = z, i
+    if top < 0 or memory.patches_b[top].texture < 0:
         return 0.0
-    patch = memory.patches_b[which]
+    patch = memory.patches_b[top]
     x, y = parameters_at(patch, u, v)
     t, t_x, t_y, _, _, _ = height_on(textures, patch, patch.texture, x, y, root_at(patch, x, y))
     i, j, k, m = entries(patch.lateral_inverse)

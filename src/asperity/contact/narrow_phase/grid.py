@@ -1,4 +1,4 @@
-r"""Depth from samples on a grid, as Otaduy and Lin (2004) compute it, and its soft maximum.
+"""Depth from samples on a grid, as Otaduy and Lin (2004) compute it, and its soft maximum.
 
 They render both surfaces along n on a grid, take the largest overlap of the samples, and the
 gradient by central differences: eleven renderings. The *soft maximum*
@@ -24,7 +24,7 @@ from asperity.contact.narrow_phase.geom_depth import fill_facing_patches
 
 @inner_kernel
 def _within(patch, x, y):
-    """Return whether (x, y) lies within a patch."""
+    """Return whether (x, y) is within a patch."""
     if x < patch.rectangle[0] or x > patch.rectangle[1]:
         return False
     if y < patch.rectangle[2] or y > patch.rectangle[3]:
@@ -50,7 +50,7 @@ def _highest(textures, patches, count, u, v, point):
 
 
 class DepthGrid(NamedTuple):
-    """A square grid of samples, and how a depth follows from them."""
+    """A square grid of samples, and the parameters of the depth computed from it."""
 
     window: float
     """Side of the square [m]."""
@@ -67,8 +67,8 @@ def grid_depth(textures, geometry, query, grid, memory, result_out):
     """Fill `result_out` (8,) with a depth from samples on a grid.
 
     The grid, a `DepthGrid`, is centred at `query.guess`. Filled are the depth [m] (-inf if nothing
-    overlaps along n), the deepest sample's place (3,) on A and m (3,); for the soft maximum the
-    mean of place x m and the mean m. Last the number of samples at which both have a surface.
+    overlaps along n), the deepest sample's point (3,) on A and m (3,); for the soft maximum the
+    mean of point x m and the mean m. Last is the number of samples at which both have a surface.
     """
     frame, n, centre = stack_array((3, 3)), query.normal, query.guess
     made_a, made_b = fill_facing_patches(geometry, query, frame, memory)

@@ -1,7 +1,7 @@
-"""The incumbent of a search, points that tie with it, and when the search has to end.
+"""The incumbent of a search, points that tie with it, and termination of the search.
 
 A search that ends early reports it: its incumbent is a lower bound of the depth, and the bounds of
-the boxes that remain say how much larger the depth may be.
+the remaining boxes give an upper one.
 
 Points within a nanometre of the deepest count as equally deep. Flat on flat, or textures in
 register, have many such points, and the force acts at their mean.
@@ -17,20 +17,20 @@ from asperity._core.records import copy_record
 from asperity.contact.narrow_phase.records import MAX_TIES
 
 TIE = 1e-9
-"""Points that are less deep than the deepest by at most this count as equally deep [m]."""
+"""Difference in depth up to which points count as equally deep [m]."""
 SAME_POINT = 1e-6
-"""Points closer than this are one [m]."""
+"""Distance below which points count as one [m]."""
 _CLOCK_INTERVAL = 8.0
-"""Nodes between two readings of the clock, some 15 us."""
+"""Nodes between two readings of the clock: about 15 us."""
 _LEAST_NODES = 16.0
-"""Nodes that every search evaluates, however late it is (project default)."""
+"""Nodes that every search evaluates even past its deadline (project default)."""
 _RIDGE = 1e-6
 """Gaussian curvature over the squared mean below which a maximum is a ridge."""
 
 
 @inner_kernel
 def begin_search(search, max_nodes, floor):
-    """Clear a `SEARCH`; only points deeper than `floor` [m] will count."""
+    """Clear a `SEARCH`; `floor` [m] is the first incumbent, without a point."""
     search.incumbent, search.upper_bound, search.nodes = floor, -np.inf, 0.0
     search.node_limit, search.tie_count, search.next_clock_read = max_nodes, 0, _LEAST_NODES
     search.best.pair, search.ceiling = -1, np.inf
@@ -38,7 +38,7 @@ def begin_search(search, max_nodes, floor):
 
 @small_kernel
 def is_spent(search):
-    """Return whether a search has used up its nodes or its time."""
+    """Return whether a search has used up its node budget or its time."""
     nodes = search.nodes
     if nodes >= search.node_limit:
         return True
@@ -53,15 +53,15 @@ def is_spent(search):
 
 @small_kernel
 def pruning_threshold(search):
-    """Return the bound up to which a box cannot hold a point that counts [m]."""
+    """Return the bound up to which a box cannot hold a new incumbent or a tie [m]."""
     return search.incumbent - TIE
 
 
 @inner_kernel
 def record_maximum(search, number, weight):
-    """Record the local maximum `search.at` of a pair: the new incumbent, or a point that ties.
+    """Record the local maximum `search.at` of a pair as the new incumbent or a tie.
 
-    `weight` is the area that it represents, if it is one of a plateau or of a ridge [m^2].
+    `weight` is the area that it represents, if it is on a plateau or a ridge [m^2].
     """
     at, ties = search.at, search.ties
     depth = at.f
@@ -69,7 +69,7 @@ def record_maximum(search, number, weight):
         return
     bend = at.f_xx + at.f_yy
     if at.f_xx * at.f_yy - at.f_xy * at.f_xy > _RIDGE * bend * bend:
-        weight = 0.0  # a peak, whatever box it was found from
+        weight = 0.0  # a peak, whatever the size of its box
     if depth > search.incumbent:
         search.incumbent = depth
         copy_record(search.best, at)
@@ -85,7 +85,7 @@ def record_maximum(search, number, weight):
             tie.pair, tie.weight = number, weight
             return
     if count == MAX_TIES:
-        # Make room: drop points that are no longer deep enough.
+        # Make room by dropping points that are no longer deep enough.
         kept = 0
         for i in range(count):
             if ties[i].f >= search.incumbent - TIE:

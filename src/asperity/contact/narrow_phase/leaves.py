@@ -1,7 +1,7 @@
-"""Small boxes that are certified: whether a point as deep as the incumbent is in them.
+"""Points as deep as the incumbent in small, certified boxes.
 
-Only where a ridge or a plateau is deepest does each box of it have another point. A peak, or a
-point that is held in a corner of the limits, is alone in its box, and is not sought again.
+On a ridge or a plateau each box has another such point. A peak, or a maximum at a corner of the
+limits, is alone in its box, so that its box is not searched again.
 """
 
 from __future__ import annotations
@@ -13,29 +13,29 @@ from asperity.contact.narrow_phase.overlap import limits_at
 
 _RIDGE = 1e-6
 """Gaussian curvature over the squared mean below which a maximum is a ridge."""
-_HELD = 1e-9
-"""A limit this near a point holds it [m]."""
+_ACTIVE = 1e-9
+"""Distance of a point from a limit below which the limit is active [m]."""
 _CORNER = 1e-3
-"""Sine of the angle between two limits, and slope against either, of a point held in a corner."""
+"""Least sine between two active limits, and least multiplier of each, at a corner."""
 
 
 @inner_kernel
 def _is_isolated(patch, other, tie, limits):
-    """Return whether a tie is a peak, or held in a corner of the limits: no other is as deep near.
+    """Return whether a tie is a peak or a maximum at a corner of the limits.
 
-    Elsewhere it may be one of a ridge or a plateau, whose points count by the area they stand for.
+    Else it may be on a ridge or a plateau, whose points are weighted by the area they represent.
     """
     bend = tie.f_xx + tie.f_yy
     if bend < 0.0 and tie.f_xx * tie.f_yy - tie.f_xy * tie.f_xy > _RIDGE * bend * bend:
         return True
     count = limits_at(patch, other, tie, limits)
     for i in range(count):
-        for j in range(i if limits[i].g > -_HELD else 0):
+        for j in range(i if limits[i].g > -_ACTIVE else 0):
             one, two = limits[i], limits[j]
             det = one.g_x * two.g_y - one.g_y * two.g_x
-            if two.g <= -_HELD or abs(det) < _CORNER:
+            if two.g <= -_ACTIVE or abs(det) < _CORNER:
                 continue
-            # The slope is a sum of both limits' normals: the overlap falls along either side.
+            # The slope is a positive sum of both normals: the overlap falls along either side.
             by_one = (tie.f_x * two.g_y - tie.f_y * two.g_x) / det
             by_two = (one.g_x * tie.f_y - one.g_y * tie.f_x) / det
             if by_one > _CORNER and by_two > _CORNER:
@@ -45,7 +45,7 @@ def _is_isolated(patch, other, tie, limits):
 
 @inner_kernel
 def resolve_once(textures, pair, box, bound, search):
-    """Do `resolve_leaf`, unless the only point as deep as the incumbent in the box is known."""
+    """Call `resolve_leaf`, unless the box's only point as deep as the incumbent is recorded."""
     x0, x1, y0, y1 = box
     is_rough = pair.patch.texture >= 0 or pair.other.texture >= 0
     for t in range(search.tie_count if is_rough else 0):

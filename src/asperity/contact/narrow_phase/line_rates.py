@@ -1,8 +1,8 @@
-"""How the depth of a sub-region changes as the lines that bound it move.
+"""Derivatives of the depth of a sub-region by the offsets of the lines that bound it.
 
-Where a sub-region is deepest on such a line, the depth's derivative by the line's offset is the
-multiplier of that limit: the gradient of the overlap is a sum of those of the limits that hold
-there, with coefficients that are not negative (Karush, Kuhn & Tucker).
+If a sub-region's deepest point is on such a line, the derivative is the multiplier of that limit:
+the gradient of the overlap is a sum of those of the active limits, with non-negative coefficients
+(Karush, Kuhn & Tucker).
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from asperity.contact.narrow_phase.patch_pair import searches_a
 from asperity.contact.narrow_phase.slope_normal import ON_EDGE
 
 _PARALLEL = 1e-9
-"""Sine of the angle between limits below which they are parallel."""
+"""Squared sine of the angle between limits below which they count as parallel."""
 
 
 @inner_kernel
 def _add_sides(patch, at, limits, count):
-    """Add the sides of the searched patch's rectangle to the limits; return how many there are."""
+    """Add the sides of the searched patch's rectangle to the limits; return the new count."""
     for side in range(4):
         sign, is_x = (1.0 if side & 1 else -1.0), side < 2
         limit = limits[count]
@@ -30,16 +30,16 @@ def _add_sides(patch, at, limits, count):
 
 
 @inner_kernel
-def _multiplier(limits, count, which, f_x, f_y):
-    """Return the multiplier of limit `which` at a maximum with the gradient (f_x, f_y)."""
-    one = limits[which]
+def _multiplier(limits, count, number, f_x, f_y):
+    """Return the multiplier of limit `number` at a maximum with the gradient (f_x, f_y)."""
+    one = limits[number]
     square = one.g_x * one.g_x + one.g_y * one.g_y
     alone = (f_x * one.g_x + f_y * one.g_y) / square
     left_x, left_y = f_x - alone * one.g_x, f_y - alone * one.g_y
     best, least = max(alone, 0.0), left_x * left_x + left_y * left_y
     for i in range(count):
         other = limits[i]
-        if i == which or other.g < -ON_EDGE:
+        if i == number or other.g < -ON_EDGE:
             continue
         across = one.g_x * other.g_y - one.g_y * other.g_x
         if across * across < _PARALLEL * square * (other.g_x * other.g_x + other.g_y * other.g_y):
@@ -53,16 +53,16 @@ def _multiplier(limits, count, which, f_x, f_y):
 
 @inner_kernel
 def fill_line_rates(stride, sides, added, memory, patch_out):
-    """Fill `line_rate` and `base` of a `MESH_PATCH` from a finished search, but for lines without.
+    """Fill `line_rate` and `base` of a `MESH_PATCH` from a finished search.
 
     Parameters
     ----------
     stride : int
-        Of the numbers of pairs.
+        Of pair numbers.
     sides : (2,) array
-        Side of either line that the sub-region is on, 1 or -1; 0 where the line does not bound it.
+        Side of each line on which the sub-region is, 1 or -1; 0 if the line does not bound it.
     added : int
-        Lines among the borders of B's patches, which come last.
+        Number of lines, which are the last borders of B's patches.
     memory : Workspace
     patch_out : MESH_PATCH record
         `base` is relative to the contact's origin, in the contact frame.

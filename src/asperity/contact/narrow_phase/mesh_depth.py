@@ -1,4 +1,4 @@
-"""Depths of one contact between meshes: candidate patches, sub-regions, searches."""
+"""Depths of one contact direction between meshes: candidates, sub-regions, searches."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from asperity.contact.broad_phase.facet_pairs import (
 )
 from asperity.contact.manifold.overlap_region import clip_pair
 from asperity.contact.manifold.split import bound_by, split_lines
-from asperity.contact.narrow_phase.best_first import ascend_in, best_first_search
+from asperity.contact.narrow_phase.best_first import ascend_from_last, best_first_search
 from asperity.contact.narrow_phase.geom_depth import frame_round
 from asperity.contact.narrow_phase.incumbent import SAME_POINT, TIE, begin_search
 from asperity.contact.narrow_phase.line_rates import fill_line_rates
@@ -30,22 +30,22 @@ from asperity.contact.narrow_phase.load import (
     settle_load,
 )
 from asperity.contact.narrow_phase.mesh_patches import (
+    CandidateFilter,
     FacetQuery,
-    Wanted,
     collect_candidates,
     list_pairs,
 )
 from asperity.contact.narrow_phase.penetration import fill_penetration
 from asperity.contact.narrow_phase.warm_start import (
     SubRegions,
-    bound_again,
+    bound_under_load,
     cull_pairs,
     distances_from_lines,
     fill_known_depths,
 )
 
 _ANYWHERE = 1e3
-"""Reach that no pair of facets exceeds [m]."""
+"""Distance that no pair of facets exceeds [m]."""
 
 
 class SplitRegion(NamedTuple):
@@ -57,17 +57,16 @@ class SplitRegion(NamedTuple):
     """Axes of the tangent plane, B's frame, (3,)."""
     axis_v: NDArray[np.float64]
     radius: float
-    """How far sub-regions reach over the lines that split the region [m]."""
+    """How far sub-regions extend beyond the lines that split the region [m]."""
     ceiling: float
-    """A direction that is deeper does not count; its search may end [m]."""
+    """Depth above which a direction does not count, so that its search may end [m]."""
     guess: NDArray[np.float64]
-    """Last deepest points of the sub-regions in A's frame, nan if unknown, (4, 3): they move with
-    A's peaks."""
+    """Last deepest points of the sub-regions in A's frame, nan if unknown, (4, 3)."""
 
 
 @inner_kernel
 def _fill_sub_regions(region, query, lines, regions):
-    """Fill the lines that split a region, the side of them and the guess of each sub-region.
+    """Fill the lines that split a region, and side and start point of each sub-region.
 
     Returns whether the first and the second line split it.
     """
@@ -89,14 +88,14 @@ def _fill_sub_regions(region, query, lines, regions):
 
 
 @small_kernel
-def _side(is_split, which):
-    """Return the side of a line that a sub-region is on, 1 or -1; 0 if it does not split."""
-    return (1.0 if which == 0 else -1.0) if is_split else 0.0
+def _side(is_split, half):
+    """Return the side of a line on which a sub-region is, 1 or -1; 0 if it does not split."""
+    return (1.0 if half == 0 else -1.0) if is_split else 0.0
 
 
 @inner_kernel
 def _in_contact_frame(point, frame, body):
-    """Return (u, v) in the contact frame of a point of a body's frame."""
+    """Return (u, v) in the contact frame of a point given in a body's frame."""
     u = v = 0.0
     for i in range(3):
         world = body[i, 3]
@@ -108,8 +107,8 @@ def _in_contact_frame(point, frame, body):
 
 
 @inner_kernel
-def _begin(search, max_nodes, culled, ceiling):
-    """Begin a search for points that touch, where pairs up to `culled` deep were culled [m]."""
+def _begin_search(search, max_nodes, culled, ceiling):
+    """Begin a search for positive depths; pairs with bounds up to `culled` were culled [m]."""
     begin_search(search, max_nodes, 0.0)
     search.upper_bound, search.ceiling = culled, ceiling
 
@@ -118,7 +117,7 @@ def _begin(search, max_nodes, culled, ceiling):
 def _single_deepest(memory, stride, lines):
     """Return whether a single point is deepest, and its distances from the lines [m].
 
-    Facets that meet in a corner or an edge share points.
+    Ties of facets that share a corner or an edge may be at one point.
     """
     search, best, is_single = memory.search[0], memory.search[0].best, True
     for t in range(search.tie_count):
@@ -135,7 +134,7 @@ def _single_deepest(memory, stride, lines):
 
 @small_kernel
 def _limit_to_sub_region(memory, made_b, lines, side_1, side_2, radius):
-    """Add the lines that bound a sub-region to the borders of B's patches; return how many."""
+    """Add the lines that bound a sub-region to the borders of B's patches; return their number."""
     added = np.int64(0)
     for k in range(2):
         sign = side_1 if k == 0 else side_2
@@ -149,19 +148,19 @@ def _limit_to_sub_region(memory, made_b, lines, side_1, side_2, radius):
 
 @inner_kernel
 def _search_under_load(textures, stride, count, start, limits, memory, queue):
-    """Search a region of bodies of which one has a map of stiffness.
+    """Search a region of two bodies, one with a stiffness map.
 
-    `start` has (u, v) of the last deepest point, nan if unknown, and its pair and parameters, as
-    those of `SubRegions.found`, which are changed.
+    `start` is (u, v) of the last deepest point, nan if unknown, and its row of `SubRegions.found`,
+    which is changed.
     """
     search, nodes, (guess, found) = memory.search[0], 0.0, start
     search.load = 0.0
     for turn in range(1 + MOST_SEARCHES):
-        bound_again(textures, count, stride, memory)
-        _begin(search, limits.max_nodes, 0.0, math.inf)
+        bound_under_load(textures, count, stride, memory)
+        _begin_search(search, limits.max_nodes, 0.0, math.inf)
         if turn > 0:
-            search.incumbent = -math.inf  # the deepest place is at 0
-        ascend_in(textures, stride, count, found, memory)
+            search.incumbent = -math.inf  # the largest lowered overlap is about 0
+        ascend_from_last(textures, stride, count, found, memory)
         best_first_search(
             textures, stride, count, guess, limits.tolerance, memory, queue, np.int64(0)
         )
@@ -183,10 +182,9 @@ def _search_under_load(textures, stride, count, start, limits, memory, queue):
 def region_depths(model, region, query, limits, memory, space, first):
     """Search the sub-regions of one direction; fill rows of `space.manifold` from `first` on.
 
-    Filled are a `PENETRATION` record for each, and of its `MESH_PATCH` what follows from the lines.
-
-    Returns how many sub-regions there are, 1, 2 or 4, and whether there was room for all facets.
-    A sub-region that does not touch has a depth of -inf.
+    Fills a `PENETRATION` record for each, and `line_rate` and `base` of its `MESH_PATCH`. Returns
+    the number of sub-regions, 1, 2 or 4, and whether there was room for all facets. A sub-region
+    without contact has a depth of -inf.
 
     Parameters
     ----------
@@ -209,31 +207,31 @@ def region_depths(model, region, query, limits, memory, space, first):
     number = np.int64((2 if split_1 else 1) * (2 if split_2 else 1))
     none = np.int64(0)
     listed = list_pairs(model, query, space)
-    # First the few facets over what was deepest last: how deep they are rules out most others.
-    wanted = Wanted(listed, none, none, -math.inf, points, number)
-    count, made_a, made_b, had_room = collect_candidates(model, query, wanted, memory, space)
+    # First the few facets at the last deepest points: their depths rule out most others.
+    criteria = CandidateFilter(listed, none, none, -math.inf, points, number)
+    count, made_a, made_b, had_room = collect_candidates(model, query, criteria, memory, space)
     fill_known_depths(textures, count, stride, regions, number, lines, memory)
     best, least = none, depths[0]
     for p in range(1, number):
         least = min(least, depths[p])
         best = p if depths[p] > depths[best] else best
-    # By a map of stiffness, another place than the deepest may count.
+    # With a stiffness map, the point of largest energy need not be the deepest.
     has_map = search.usual > 0.0
     culled = 0.0 if has_map else max(least, 0.0)
-    wanted = Wanted(listed, made_a, made_b, culled, points, none)
-    count, made_a, made_b, has_room = collect_candidates(model, query, wanted, memory, space)
+    criteria = CandidateFilter(listed, made_a, made_b, culled, points, none)
+    count, made_a, made_b, has_room = collect_candidates(model, query, criteria, memory, space)
     has_room = has_room and had_room
     count = cull_pairs(textures, count, stride, culled, memory)
-    # The deepest point of all is that of every sub-region that it lies in.
-    # If one of m patches is sqrt(m) times as deep as counts, their root mean square is too.
+    # The deepest point of all is also that of each sub-region which contains it.
+    # If one of m patches is sqrt(m) times as deep as the ceiling, their root mean square is above.
     ceiling = math.inf if has_map else region.ceiling * math.sqrt(float(number))
     guess = (points[best, 0], points[best, 1])
     if has_map:
         start = (guess, found[best])
         _search_under_load(textures, stride, count, start, limits, memory, space.queue)
     else:
-        _begin(search, float(max_nodes), culled, ceiling)
-        ascend_in(textures, stride, count, found[best], memory)
+        _begin_search(search, float(max_nodes), culled, ceiling)
+        ascend_from_last(textures, stride, count, found[best], memory)
         best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, none)
     fill_penetration(textures, stride, n, tolerance, memory, results_out[0])
     clear(patches_out[0].line_rate)
@@ -255,8 +253,8 @@ def region_depths(model, region, query, limits, memory, space, first):
             start = (guess, found[p])
             _search_under_load(textures, stride, count, start, limits, memory, space.queue)
         else:
-            _begin(search, max_nodes, culled, math.inf)
-            ascend_in(textures, stride, count, found[p], memory)
+            _begin_search(search, max_nodes, culled, math.inf)
+            ascend_from_last(textures, stride, count, found[p], memory)
             best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, added)
         fill_penetration(textures, stride, n, tolerance, memory, results_out[p])
         fill_line_rates(stride, sides[p], added, memory, patches_out[p])
@@ -270,9 +268,9 @@ def region_depths(model, region, query, limits, memory, space, first):
 def facets_along(model, frames, n, overlap, limits, memory, space, result_out):
     """Fill one `PENETRATION` record with the depth of body 0 in body 1 along `n`.
 
-    Facets count whose smooth overlap is less than `overlap` [m]. `model` has the textures, the
-    facet table and the geometry; `frames` those of the bodies, (3, 4) each. Returns whether there
-    was room for all facets.
+    Only facets with a smooth overlap below `overlap` [m] count. `model` has the textures, the facet
+    table and the geometry; `frames` those of the bodies, (3, 4) each. Returns whether there was
+    room for all facets.
     """
     (textures, table, _), (body_a, body_b) = model, frames
     tolerance, max_nodes = limits
@@ -295,8 +293,8 @@ def facets_along(model, frames, n, overlap, limits, memory, space, result_out):
     query = FacetQuery(np.int64(kept), np.int64(-1), local, frame, body_a, body_b)
     none, stride = np.int64(0), memory.patches_b.shape[0]
     listed = list_pairs(model, query, space)
-    wanted = Wanted(listed, none, none, -math.inf, stack_array((4, 2)), none)
-    count, _, _, has_room = collect_candidates(model, query, wanted, memory, space)
+    criteria = CandidateFilter(listed, none, none, -math.inf, stack_array((4, 2)), none)
+    count, _, _, has_room = collect_candidates(model, query, criteria, memory, space)
     count = cull_pairs(textures, count, stride, -math.inf, memory)
     begin_search(search, float(max_nodes), -math.inf)
     guess = (np.nan, np.nan)

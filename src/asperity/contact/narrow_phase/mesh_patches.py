@@ -1,4 +1,4 @@
-"""Surface patches of facets that face each other, and the pairs of them that may overlap."""
+"""Surface patches of facing facets, and the pairs of patches that may overlap."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class FacetQuery(NamedTuple):
     """Facets of two bodies that may touch, and the direction in which their depth is searched."""
 
     facet_pairs: int
-    """Number of pairs of facets in the workspace."""
+    """Number of facet pairs in the workspace."""
     direction: int
-    """Direction whose facets of B count; -1: all."""
+    """Direction whose facets of B are used; -1: all."""
     normal: NDArray[np.float64]
     """n in B's frame, (3,)."""
     frame: NDArray[np.float64]
@@ -36,24 +36,24 @@ class FacetQuery(NamedTuple):
     """Rotation and translation of B, (3, 4) [m]."""
 
 
-class Wanted(NamedTuple):
-    """Which of the listed pairs of facets `collect_candidates` takes."""
+class CandidateFilter(NamedTuple):
+    """Selection of the listed pairs of facets that become candidates."""
 
     listed: int
-    """How many are listed."""
+    """Number of listed pairs."""
     made_a: int
-    """Patches of A that exist already."""
+    """Number of patches of A that exist already."""
     made_b: int
     depth: float
-    """Pairs that cannot be deeper are left out [m]."""
+    """Pairs that cannot be deeper are dropped [m]."""
     place: NDArray[np.float64]
-    """(u, v) of points in its rows [m]."""
+    """Points (u, v) [m], (n, 2)."""
     places: int
-    """Number of them that pairs have to lie over one of, 0: anywhere."""
+    """Number of points of which a pair has to cover one; 0: no condition."""
 
 
 class _View(NamedTuple):
-    """One body as seen from the contact frame."""
+    """One body relative to the contact frame."""
 
     side: int
     """0 for A, 1 for B."""
@@ -94,10 +94,10 @@ def _fill_transform_with_offset(frame, body, axes_out):
 
 @inner_kernel
 def _patches_of_facet(table, geometry, f, view, made, patches, space):
-    """Return the range of a facet's patches, how many are made, and whether there was room.
+    """Return the range of a facet's patches, the number made so far, and whether there was room.
 
-    Patches are made when they are first needed in a query. A facet of a round geom stands for all
-    patches of that geom.
+    Patches are made at their first use in a query. A facet of a round geom has all patches of that
+    geom.
     """
     query_number, geom = space.clock[0], table.geom[f]
     slot = space.geom_slots[geom] if geom >= 0 else space.slots[view.side, f]
@@ -116,12 +116,12 @@ def _patches_of_facet(table, geometry, f, view, made, patches, space):
 
 
 @small_kernel
-def _is_seen(table, f, cosine, least):
-    """Return whether a facet may be searched that faces a direction at this cosine.
+def _may_be_searched(table, f, cosine, least):
+    """Return whether a facet at this cosine to the direction is searched.
 
     `least` is `flattest` of the bodies, for facets without a texture.
     """
-    # Exact patches of round geoms decide for themselves.
+    # Facets of round geoms are replaced by exact patches.
     is_smooth = table.top[f] == 0.0
     return cosine >= FLATTEST or (is_smooth and cosine >= least) or table.geom[f] >= 0
 
@@ -134,12 +134,12 @@ def _faces_direction(table, f, g, n, space):
         along_b += table.axes[g, 2, k] * n[k]
         along_a -= space.region.facets.placed[f].normal[k] * n[k]
     least = flattest(table, table.body[f], table.body[g])
-    return _is_seen(table, f, along_a, least) and _is_seen(table, g, along_b, least)
+    return _may_be_searched(table, f, along_a, least) and _may_be_searched(table, g, along_b, least)
 
 
 @small_kernel
 def _are_apart(textures, patch, other):
-    """Return whether two facets lie beside each other, as seen along n."""
+    """Return whether the projections of two patches along n are disjoint."""
     shift, one, two = pair_shift(textures, patch, other), patch.extent, other.extent
     return (
         one[0] > two[1] + shift
@@ -151,13 +151,13 @@ def _are_apart(textures, patch, other):
 
 @small_kernel
 def _fill_common_extent(patch, other, candidate):
-    """Fill where in (u, v) both patches may be, if they are planes and one is rough; else nan."""
+    """Fill the common extent in (u, v) of two planes, one of them rough; nan for other patches."""
     rough = patch.texture >= 0 or other.texture >= 0
     planes = patch.bulge == 0.0 and other.bulge == 0.0
     for i in range(0, 4, 2):
         low, high = -np.inf, np.inf
         for either in (patch, other):
-            if either.extent[1] > either.extent[0]:  # else it is no facet's
+            if either.extent[1] > either.extent[0]:  # set for facets only
                 low, high = max(low, either.extent[i]), min(high, either.extent[i + 1])
         candidate.extent[i] = low if planes and rough else np.nan
         candidate.extent[i + 1] = high
@@ -173,11 +173,11 @@ def _is_listed(candidates, count, number):
 
 
 @inner_kernel
-def _see(corners, sides, axes, sign, slot):
-    """Fill the extent of a facet in the contact frame, and its highest corner.
+def _fill_extent(corners, sides, axes, sign, slot):
+    """Fill the extent of a facet in the contact frame, and the height of its highest corner.
 
-    `corners` are in B's frame, `axes` (3, 4) the rows of the transform to the contact frame; `sign`
-    is that of z, which points out of the facet's body.
+    `corners` are in B's frame, `axes` (3, 4) is the transform from there to the contact frame;
+    `sign` is that of the outward z.
     """
     u0 = v0 = np.inf
     u1 = v1 = top = -np.inf
@@ -194,7 +194,7 @@ def _see(corners, sides, axes, sign, slot):
 
 @small_kernel
 def _raise_by_texture(textures, table, texture, f, n, slot):
-    """Add to what is seen of a facet what its texture does; `n` (3,) is z in its body's frame."""
+    """Raise a facet's top by its texture, and fill its shift; `n` (3,) is z in its body's frame."""
     slot.shift = 0.0
     if texture < 0:
         return
@@ -206,7 +206,7 @@ def _raise_by_texture(textures, table, texture, f, n, slot):
         least += w[k] * n[k]
         along += axes[2, k] * n[k]
         lean += abs(w[k] - axes[2, k])
-    # Seen from behind, hollows rise.
+    # Seen from behind, valleys are raised.
     slot.top += max(table.top[f], 0.0) if least >= 0.0 else np.inf
     if table.unit[f] == 1.0:
         lean = min(lean + math.sqrt(max(1.0 - along * along, 0.0)), 1.0)
@@ -216,8 +216,8 @@ def _raise_by_texture(textures, table, texture, f, n, slot):
 
 
 @small_kernel
-def _lie_beside(one, other):
-    """Return whether two facets that have been seen lie clearly beside each other."""
+def _facets_are_apart(one, other):
+    """Return whether the projections of two facets along n are clearly disjoint."""
     shift = one.shift + other.shift + ON_BORDER
     return (
         one.extent[0] > other.extent[1] + shift
@@ -229,9 +229,9 @@ def _lie_beside(one, other):
 
 @inner_kernel
 def list_pairs(model, query, space):
-    """Fill `space.listed` with the pairs of facets that may touch as seen along n; return how many.
+    """Fill `space.listed` with the facet pairs that may touch along n; return their number.
 
-    No patches are made for that: most facets of a round tool are far from the deepest point.
+    This needs no patches: most facets of a round tool are far from the deepest point.
     """
     textures, table, geometry = model
     space.clock[0] += 1
@@ -252,15 +252,15 @@ def list_pairs(model, query, space):
             one, other = space.slots[0, f], space.slots[1, g]
             if one.seen != number:
                 one.seen = number
-                _see(facets.corners[f], table.sides[f], axes, -1.0, one)
+                _fill_extent(facets.corners[f], table.sides[f], axes, -1.0, one)
                 texture = geometry.texture[table.surface[f]]
                 _raise_by_texture(textures, table, texture, f, n_a, one)
             if other.seen != number:
                 other.seen = number
-                _see(table.points[g], table.sides[g], axes, 1.0, other)
+                _fill_extent(table.points[g], table.sides[g], axes, 1.0, other)
                 texture = geometry.texture[table.surface[g]]
                 _raise_by_texture(textures, table, texture, g, query.normal, other)
-            if _lie_beside(one, other):
+            if _facets_are_apart(one, other):
                 continue
         listed[count] = i
         count += 1
@@ -268,32 +268,32 @@ def list_pairs(model, query, space):
 
 
 @small_kernel
-def _is_wanted(one, other, wanted):
-    """Return whether two facets may be as deep as is wanted, over one of the wanted places."""
-    if one.top + other.top <= wanted.depth - TIE:
+def _passes_filter(one, other, criteria):
+    """Return whether two facets may be as deep as a filter demands, and cover one of its points."""
+    if one.top + other.top <= criteria.depth - TIE:
         return False
-    if wanted.places == 0:
+    if criteria.places == 0:
         return True
     holds = False
-    for p in range(wanted.places):
-        u, v = wanted.place[p, 0], wanted.place[p, 1]
+    for p in range(criteria.places):
+        u, v = criteria.place[p, 0], criteria.place[p, 1]
         holds = holds or (_is_over(one.extent, u, v) and _is_over(other.extent, u, v))
     return holds
 
 
 @small_kernel
 def _is_over(extent, u, v):
-    """Return whether (u, v) lies within an extent, or at its border."""
+    """Return whether (u, v) is within an extent, or at its border."""
     within_u = extent[0] - ON_BORDER <= u and u <= extent[1] + ON_BORDER
     return within_u and extent[2] - ON_BORDER <= v and v <= extent[3] + ON_BORDER
 
 
 @inner_kernel
-def collect_candidates(model, query, wanted, memory, space):
-    """Fill the patches of the listed facets that are wanted, and `memory.candidates`.
+def collect_candidates(model, query, criteria, memory, space):
+    """Fill `memory.candidates` with the listed pairs that pass a filter, and their patches.
 
-    Returns how many candidates there are, how many patches of A and of B, and whether there was
-    room for all. A pair's number is that of A's patch times the room for patches, plus that of B's.
+    Returns the numbers of candidates and of patches of A and of B, and whether there was room for
+    all. A pair's number is A's patch times the room for patches, plus B's patch.
     """
     textures, table, geometry = model
     stride, query_number = memory.patches_b.shape[0], space.clock[0]
@@ -306,18 +306,18 @@ def collect_candidates(model, query, wanted, memory, space):
     _fill_transform(frame, query.frame_b, rotation_b, translation_b)
     view_a = _View(np.int64(0), down, query.frame_a, rotation_a, translation_a)
     view_b = _View(np.int64(1), frame, query.frame_b, rotation_b, translation_b)
-    made_a, made_b, count = wanted.made_a, wanted.made_b, np.int64(0)
+    made_a, made_b, count = criteria.made_a, criteria.made_b, np.int64(0)
     has_room = True
     candidates, facets = memory.candidates, space.region.facets.pairs
-    for i in range(wanted.listed):
+    for i in range(criteria.listed):
         f, g = facets[space.listed[i], 0], facets[space.listed[i], 1]
         of_geom = table.geom[f] >= 0 or table.geom[g] >= 0
-        # Most patches exist already, and a call passes hundreds of numbers.
+        # Most patches exist already; this avoids a call with hundreds of arguments.
         slot_a, slot_b = space.slots[0, f], space.slots[1, g]
         if of_geom:
-            if wanted.places > 0:
+            if criteria.places > 0:
                 continue
-        elif not _is_wanted(slot_a, slot_b, wanted):
+        elif not _passes_filter(slot_a, slot_b, criteria):
             continue
         first_a, end_a, first_b, end_b = slot_a.first, slot_a.end, slot_b.first, slot_b.end
         if table.geom[f] >= 0 or slot_a.made != query_number:

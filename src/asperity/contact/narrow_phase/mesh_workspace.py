@@ -1,4 +1,4 @@
-"""Memory of contact between meshes, allocated once."""
+"""Scratch memory of contact between meshes."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from asperity.contact.response.mesh_way_out import MeshChoices, mesh_choices
 from asperity.contact.response.ways_out import WaysOut, ways_out
 
 MAX_SURFACE_PATCHES = 4096
-"""Most surface patches of either body in one query."""
+"""Maximum number of surface patches of each body in one query."""
 MAX_CANDIDATES = 32768
-"""Most pairs of surface patches in one query."""
+"""Maximum number of pairs of surface patches in one query."""
 
 
 @by_reference
 class PolyhedronSpace(NamedTuple):
-    """Memory of contact between convex polyhedra."""
+    """Scratch memory of contact between convex polyhedra."""
 
     rows: NDArray[np.void]
     """`SEPARATION` records, B's frame; (separations,)."""
     used: NDArray[np.int64]
-    """How many of them count, (1,)."""
+    """Number of them that count, (1,)."""
     rates: NDArray[np.float64]
     """Derivative of the way out by the tool's motion with all depths fixed, B's frame, (6,)."""
     faces: NDArray[np.void]
@@ -63,7 +63,7 @@ def polyhedron_space() -> PolyhedronSpace:
 
 @by_reference
 class FacetSpace(NamedTuple):
-    """Memory of contact between meshes, allocated once."""
+    """Scratch memory of contact between meshes, allocated once."""
 
     region: OverlapRegion
     manifold: ContactManifold
@@ -72,22 +72,22 @@ class FacetSpace(NamedTuple):
     geom_slots: NDArray[np.void]
     """PATCH_SLOT records: the surface patches of each geom, (geoms,)."""
     listed: NDArray[np.int64]
-    """Numbers of the pairs of facets that may touch as seen along n, (MAX_CANDIDATES,)."""
+    """Numbers of the facet pairs that may touch along n, (MAX_CANDIDATES,)."""
     clock: NDArray[np.int64]
     """Number of the last query, (1,)."""
     directions: NDArray[np.void]
     """`DIRECTION` records, (24,)."""
     residuals: Residuals
-    """How much of each direction remains once the tool has left by another."""
+    """How much of each direction remains after the tool has left by another."""
     choices: MeshChoices
     """Choices of directions to leave by."""
     polyhedra: PolyhedronSpace
     way_out: NDArray[np.float64]
-    """How far the tool has to move to leave each body [m], (bodies,)."""
+    """Way out of the tool from each body [m], (bodies,)."""
     rest: NDArray[np.float64]
-    """Its gradient by the tool's motion, as far as it is not felt at the patches, (bodies, 6)."""
+    """The part of its gradient by the tool's motion that does not act at patches, (bodies, 6)."""
     spent: NDArray[np.float64]
-    """Boxes that the searches of the present body have evaluated, (1,)."""
+    """Nodes evaluated by the searches of the current body, (1,)."""
     energy: NDArray[np.float64]
     """Energy of contact with each body [J], (bodies,)."""
     queue: NodeQueue
@@ -96,11 +96,11 @@ class FacetSpace(NamedTuple):
     stiffness: NDArray[np.float64]
     """Of contact with each body [N/m], (bodies,)."""
     friction: NDArray[np.float64]
-    """Coulomb's coefficient of contact with each body, where no map gives it [-], (bodies,)."""
+    """Coulomb's coefficient of contact with each body without a friction map [-], (bodies,)."""
 
 
 def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
-    """Return memory for contact between bodies of these facets."""
+    """Allocate memory for contact between bodies with these facets."""
     facets = len(table.sides)
     return FacetSpace(
         region=overlap_region(facets),

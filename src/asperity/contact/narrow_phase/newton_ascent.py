@@ -1,9 +1,8 @@
 """Newton ascent from a point to a local maximum of the overlap within the limits of both patches.
 
-Each step maximises the quadratic that agrees with the overlap in value, slope and curvature,
-within a box and the linearised limits (sequential quadratic programming). With two unknowns that
-takes no solver: the maximum is in the interior, on one line, or where two lines meet, and all of
-these are tried.
+Each step maximises the second-order Taylor expansion of the overlap within a box and the linearised
+limits (sequential quadratic programming). With two unknowns no solver is needed: the maximum is in
+the interior, on one line, or at the intersection of two, and all of these are tried.
 """
 
 from __future__ import annotations
@@ -18,20 +17,20 @@ from asperity.contact.narrow_phase.overlap import limits_at, overlap_at
 from asperity.contact.narrow_phase.sphere_on_plane import ascend_sphere, is_sphere_on_plane
 
 FEASIBLE = 1e-11
-"""A point this far beyond a limit still counts as on it [m]."""
+"""Distance beyond a limit up to which a point counts as feasible [m]."""
 _STEPS = 40
 _SHORTEST = 1e-14
 """Step length at which the ascent ends [m]."""
 _CLOSE = 1e-10
-"""Below this length a step that does not halve the last one is rounding [m]."""
-_HELD = 1e-8
-"""A limit this near a point is active [m]."""
+"""Step length below which a step that does not halve the last one is rounding [m]."""
+_ACTIVE = 1e-8
+"""Distance of a point from a limit below which the limit is active [m]."""
 _ALMOST = 1e-9
-"""Below this length a step a thousandth of the last one is the final one [m]."""
-_GRAIN = 1e-15
-"""Resolution to which limits are held [m]."""
+"""Step length below which a step a thousandth of the last one is the final one [m]."""
+_ROUNDING = 1e-15
+"""Precision to which limits are kept [m]."""
 _LEVEL = 1e-12
-"""Slope below which a quadratic is level."""
+"""Slope below which a quadratic counts as level."""
 _CORRECTIONS = 3
 
 
@@ -125,25 +124,25 @@ def _best_step(at, hessian, lines, count):
 
 @inner_kernel
 def _lagrangian_hessian(at, limits, count):
-    """Return the Hessian (xx, xy, yy) of the Lagrangian: the overlap less the active limits.
+    """Return the Hessian (xx, xy, yy) of the Lagrangian: the overlap minus the active limits.
 
     Without the curvature of the limits, steps along a curved one converge slowly.
     """
     h_xx, h_xy, h_yy = at.f_xx, at.f_xy, at.f_yy
     for i in range(count):
-        if limits[i].g > -_HELD:
+        if limits[i].g > -_ACTIVE:
             a, b = limits[i].g_x, limits[i].g_y
-            hold = (at.f_x * a + at.f_y * b) / max(a * a + b * b, 1e-300)
-            if hold > 0.0:
-                h_xx -= hold * limits[i].g_xx
-                h_xy -= hold * limits[i].g_xy
-                h_yy -= hold * limits[i].g_yy
+            multiplier = (at.f_x * a + at.f_y * b) / max(a * a + b * b, 1e-300)
+            if multiplier > 0.0:
+                h_xx -= multiplier * limits[i].g_xx
+                h_xy -= multiplier * limits[i].g_xy
+                h_yy -= multiplier * limits[i].g_yy
     return h_xx, h_xy, h_yy
 
 
 @inner_kernel
 def _violation(limits, count):
-    """Return how far a point lies beyond the limit that it violates most [m]."""
+    """Return the largest violation of the limits at a point [m]."""
     worst = 0.0
     for i in range(count):
         worst = max(worst, limits[i].g)
@@ -152,7 +151,7 @@ def _violation(limits, count):
 
 @inner_kernel
 def is_within(patch, other, at, search):
-    """Return whether a point of `overlap_at` lies within the limits of both patches."""
+    """Return whether a point of `overlap_at` is within the limits of both patches."""
     limits = search.limits
     return _violation(limits, limits_at(patch, other, at, limits)) <= FEASIBLE
 
@@ -180,7 +179,7 @@ def constrained_step(at, x, y, box, stride, count, search):
     x0, x1, y0, y1 = box
     near = np.int64(0)
     for i in range(count):
-        # Leave out limits that no step of this length can reach.
+        # Ignore limits that no step of this length can reach.
         if stride * (abs(limits[i].g_x) + abs(limits[i].g_y)) > -limits[i].g:
             lines[near].limit = -limits[i].g
             lines[near].n_x, lines[near].n_y = limits[i].g_x, limits[i].g_y
@@ -198,7 +197,7 @@ def constrained_step(at, x, y, box, stride, count, search):
 
 @inner_kernel
 def newton_ascent(textures, patch, other, box, x, y, stride, search):
-    """Ascend from (x, y) to a local maximum within `box` and the limits; leave it in `search.at`.
+    """Ascend from (x, y) to a local maximum within `box` and the limits, and fill `search.at`.
 
     Returns whether the point is within the limits. `box` is (x0, x1, y0, y1); no step is longer
     than `stride` along an axis [m].
@@ -230,26 +229,26 @@ def newton_ascent(textures, patch, other, box, x, y, stride, search):
             trial_count = limits_at(patch, other, trial, limits)
             trial_over = _violation(limits, trial_count)
             for _ in range(_CORRECTIONS):
-                if trial_over <= _GRAIN:
+                if trial_over <= _ROUNDING:
                     break
-                # A step along a curved limit ends beyond it: project it back, or the gain along
-                # the limit would seem lost to the penalty.
+                # A step along a curved limit ends beyond it: project it back, or the penalty would
+                # hide the gain along the limit.
                 new_x, new_y = _projected(limits, trial_count, new_x, new_y, box)
                 overlap_at(textures, patch, other, new_x, new_y, search, trial)
                 if trial.f == -np.inf:
                     break
                 trial_count = limits_at(patch, other, trial, limits)
                 trial_over = _violation(limits, trial_count)
-            gain = trial.f - at.f - penalty * (max(trial_over, _GRAIN) - max(over, _GRAIN))
-            # A point a grain beyond a limit is higher by a grain. Short steps that shrink are
-            # in the quadratic regime and are accepted without a gain.
-            trusted = length < _HELD and length < 0.5 * last
-            better = gain >= (-penalty * _GRAIN if trusted else -1e-17)
+            gain = trial.f - at.f - penalty * (max(trial_over, _ROUNDING) - max(over, _ROUNDING))
+            # Rounding beyond a limit raises a point by as much. Short, shrinking steps are in the
+            # quadratic regime and are accepted without a gain.
+            trusted = length < _ACTIVE and length < 0.5 * last
+            better = gain >= (-penalty * _ROUNDING if trusted else -1e-17)
         if better:
             copy_record(at, trial)
             x, y, over, count = new_x, new_y, trial_over, trial_count
             if length < _ALMOST and length < 1e-3 * last:
-                # Quadratic convergence: the next step is below the grain.
+                # Quadratic convergence: the next step is below rounding.
                 break
         else:
             stride = 0.25 * max(abs(dx), abs(dy))

@@ -12,12 +12,12 @@ from asperity._core.structures import by_reference
 from asperity.contact.narrow_phase.records import NODE, QUEUE_STATE
 
 MAX_NODES = 131072
-"""Most boxes of one search."""
+"""Maximum number of boxes of one search."""
 
 
 @by_reference
 class NodeQueue(NamedTuple):
-    """Memory of a best-first search, allocated once."""
+    """Scratch memory of a best-first search, allocated once."""
 
     nodes: NDArray[np.void]
     """NODE records, (MAX_NODES,)."""
@@ -26,7 +26,7 @@ class NodeQueue(NamedTuple):
     keys: NDArray[np.float64]
     """Their bounds [m], (MAX_NODES,)."""
     retired: NDArray[np.int64]
-    """Numbers of the nodes that a search has pruned or left, (MAX_NODES,)."""
+    """Numbers of the nodes that a search has pruned or not divided, (MAX_NODES,)."""
     state: NDArray[np.void]
     """One QUEUE_STATE record."""
 

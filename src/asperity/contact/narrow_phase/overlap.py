@@ -1,13 +1,13 @@
 """The overlap of two patches, which the search maximises, and the limits of both patches.
 
 The point `p(x, y)` of the first patch is compared with the height of the other over the same
-(u, v). Each body's heights count along its own outward z, so the overlap is their sum,
+(u, v). The heights of each body are along its own outward z, so the overlap is their sum,
 
     f(x, y) = z(x, y) + H(u(x, y), v(x, y)).
 
-Where either patch ends is an inequality `g(x, y) <= 0`: the borders of both patches, the ellipse
-of a curved one, and the four sides of the other's rectangle. The sides of the first patch's
-rectangle are the sides of the box that is searched.
+The limits are inequalities `g(x, y) <= 0`: the borders of both patches, the ellipse of a curved
+one, and the four sides of the other's rectangle. The sides of the first patch's rectangle are those
+of the box that is searched.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from asperity.contact.narrow_phase.surface_patch import entries
 
 @small_kernel
 def overlap_on_level(textures, patch, other, x, y, out):
-    """Fill an `OVERLAP` as `overlap_at` does, for a level patch and a smooth other one."""
+    """Fill an `OVERLAP` of a level patch and a smooth other one; see `overlap_at`."""
     u, v = place_at(patch, x, y)
     t = t_x = t_y = t_xx = t_xy = t_yy = 0.0
     z, g1, g2, k11, k12, k22 = base_height_at(other, u, v)
@@ -153,7 +153,7 @@ def _set_limit(limit, values, is_other, at):
 
 @small_kernel
 def _own_limits(patch, x, y, is_other, at, limits_out, count):
-    """Add the ellipse and the borders of one patch; return how many limits there are then."""
+    """Add the ellipse and the borders of one patch; return the new number of limits."""
     owner = 2 if is_other else 1
     if patch.bulge > 0.0:
         e11, e12, e22 = patch.ellipse[0], patch.ellipse[1], patch.ellipse[2]
@@ -185,7 +185,7 @@ def _own_limits(patch, x, y, is_other, at, limits_out, count):
 
 @inner_kernel
 def limits_at(patch, other, at, limits_out):
-    """Fill the `LIMIT`s of two patches at a point of `overlap_at`; return how many there are."""
+    """Fill the `LIMIT`s of two patches at a point of `overlap_at`; return their number."""
     count = _own_limits(patch, at.x, at.y, False, at, limits_out, np.int64(0))
     x, y = at.other_x, at.other_y
     if other.bulge == 0.0:

@@ -1,4 +1,4 @@
-"""Pairs of surface patches: which one is searched, where, and how."""
+"""Pairs of surface patches: the one that is searched, the window, and the kind of search."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from asperity.contact.narrow_phase.sphere_on_plane import is_sphere_on_plane
 from asperity.contact.narrow_phase.surface_patch import entries
 
 GENERAL, SPHERE_ON_PLANE, PLANES = 0, 1, 2
-"""Kinds of pairs: any; a sphere over a level plane; two planes in a best-first search."""
+"""Kinds of pairs: general; a sphere over a level plane; two planes in a best-first search."""
 
 
 class PatchPair(NamedTuple):
@@ -29,26 +29,26 @@ class PatchPair(NamedTuple):
     kind: int
     """GENERAL, SPHERE_ON_PLANE or PLANES."""
     base_x: float
-    """Parameters at which the smooth bases overlap most, as far as known [m]."""
+    """Estimate of the parameters at which the smooth bases overlap most [m]."""
     base_y: float
     shift: float
-    """How far the textures move points sideways at most [m]."""
+    """Upper bound of the textures' lateral displacement of points [m]."""
     window: tuple[float, float, float, float]
     """x0, x1, y0, y1 of the part that is searched [m]."""
 
 
 @inner_kernel
 def _is_implicit(patch):
-    """Return whether the height over a place has to be found by iteration."""
+    """Return whether the height at (u, v) has to be found by iteration."""
     return patch.texture >= 0 and not patch.is_level
 
 
 @inner_kernel
 def searches_a(a, b):
-    """Return whether A's patch is searched: of two, the one whose height is costlier to look up.
+    """Return whether A's patch is searched: the one whose height at (u, v) is costlier.
 
-    It is the one with a map of stiffness, if either has one. A surface that overhangs has no height
-    to look up; all its points are searched, of which the highest counts.
+    If either patch has a stiffness map, that one is searched. An overhanging surface has no unique
+    height; by searching its points the highest is found.
     """
     if a.stiffness_map >= 0 or b.stiffness_map >= 0:
         return a.stiffness_map >= 0
@@ -63,7 +63,7 @@ def searches_a(a, b):
 
 @inner_kernel
 def _extent(patch):
-    """Return the middle in (u, v) of what a patch covers, and its half sides."""
+    """Return centre and half sides of a patch's extent in (u, v)."""
     rectangle = patch.rectangle
     if patch.bulge == 0.0 or patch.ellipse[0] == 0.0:
         x = 0.5 * (rectangle[0] + rectangle[1])
@@ -79,7 +79,7 @@ def _extent(patch):
 
 @inner_kernel
 def middle_of(other, patch):
-    """Return the parameters of `patch` under the middle of `other`."""
+    """Return the parameters of `patch` at the middle of `other`."""
     u, v, _, _ = _extent(other)
     return parameters_at(patch, u, v)
 
@@ -101,13 +101,13 @@ def window_of(patch, other, shift):
 
 @small_kernel
 def pair_shift(textures, patch, other):
-    """Return how far the textures of two patches move points sideways at most [m]."""
+    """Return an upper bound of the lateral displacement by the textures of two patches [m]."""
     return lateral_shift(textures, patch) + lateral_shift(textures, other)
 
 
 @small_kernel
 def pair_roughness(textures, patch, other):
-    """Return how far the textures of two patches rise above the smooth bases at most [m]."""
+    """Return an upper bound of the height of two patches' textures above the smooth bases [m]."""
     rough = 0.0
     for either in (patch, other):
         if either.texture >= 0:
@@ -133,9 +133,9 @@ def sides_of(patch):
 
 @small_kernel
 def window_under_sphere(textures, pair, threshold):
-    """Return the part of the window over which a sphere can be deeper in a plane than `threshold`.
+    """Return the part of the window where a sphere can be deeper in a plane than `threshold`.
 
-    Farther from the sphere's lowest point even the highest texture does not reach it.
+    Farther from the sphere's lowest point even the highest texture is below the sphere.
     """
     patch, other = pair.patch, pair.other
     high = textures.maps[patch.texture].max_abs_height

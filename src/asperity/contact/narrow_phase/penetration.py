@@ -21,18 +21,18 @@ from asperity.contact.narrow_phase.records import BUDGET_SPENT, CERTIFIED
 from asperity.contact.narrow_phase.slope_normal import slope_normal_of_tie
 
 _EQUAL = 1e-15
-"""Difference between two depths that are the same but for rounding [m]."""
+"""Difference between two depths that are equal up to rounding [m]."""
 
 
 @inner_kernel
 def search_candidates(textures, stride, count, guess, tolerance, memory):
     """Search the first `count` candidates of `memory` one by one, the largest bound first.
 
-    `best_first_search` does the same for many planes; for a few pairs of geoms this is faster.
+    For a few pairs of geoms this is faster than `best_first_search`.
     """
     search, candidates = memory.search[0], memory.candidates
     while count > 0:
-        k = np.int64(0)  # a literal 0 has another type, for which all below would be compiled too
+        k = np.int64(0)  # a literal 0 has another type, for which all calls would be compiled again
         for i in range(1, count):
             if candidates[i].bound > candidates[k].bound:
                 k = i
@@ -54,7 +54,7 @@ def search_candidates(textures, stride, count, guess, tolerance, memory):
 
 @inner_kernel
 def may_touch(result):
-    """Return whether bodies may touch though the search has found no place where they do."""
+    """Return whether bodies may touch although the search has found no contact."""
     is_open = result.depth == -np.inf or result.depth + result.gap > 0.0
     return result.status == BUDGET_SPENT and is_open and not result.depth > 0.0
 
@@ -67,28 +67,27 @@ def _is_same_point(one, other):
 
 @inner_kernel
 def _counts(search, t):
-    """Return whether a tie is as deep as the incumbent, and no other one is at the same point.
+    """Return whether a tie is as deep as the incumbent and the first of those at its point.
 
-    Patches share their common edge; of ties at one point the deepest counts, of equals the first.
+    Adjacent patches share their edge; of ties at one point the deepest counts, of equals the first.
     """
     tie = search.ties[t]
     if tie.f < search.incumbent - TIE:
         return False
     for i in range(search.tie_count):
         other = search.ties[i]
-        is_ahead = other.f > tie.f or (other.f == tie.f and i < t)
-        if i != t and is_ahead and _is_same_point(other, tie):
+        is_first = other.f > tie.f or (other.f == tie.f and i < t)
+        if i != t and is_first and _is_same_point(other, tie):
             return False
     return True
 
 
 @inner_kernel
 def _certain_slope_normal(textures, stride, t, memory, m_out, scratch):
-    """Fill m of a tie, if possible a certain one; return whether A's patch was searched.
+    """Fill m of a tie, a certain one if possible; return whether A's patch was searched.
 
-    Where m is uncertain it may be certain for another tie at the same point, as seen from the
-    facet beside it. Of two that are certain and equally deep, as of a corner just over an edge, it
-    is the one that leans less.
+    If m is uncertain, it may be certain for another tie at the same point, on an adjacent facet. Of
+    two certain and equally deep ones, as at a corner just over an edge, the less inclined is used.
     """
     search = memory.search[0]
     tie = search.ties[t]
@@ -113,7 +112,7 @@ def _certain_slope_normal(textures, stride, t, memory, m_out, scratch):
 def fill_penetration(textures, stride, n, tolerance, memory, result_out):
     """Fill a `PENETRATION` record from a finished search: depth, gap, and means over the ties.
 
-    Under a load, the means are weighted by how much of it each tie takes as it deepens.
+    Under a load, the means are weighted by the derivative of the load by the depth of each tie.
     """
     search, frame = memory.search[0], memory.frame
     clear_record(result_out)
@@ -141,7 +140,7 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
         if not _counts(search, t):
             continue
         tie = search.ties[t]
-        # Where an area or a line is equally deep, single points do not count.
+        # If an area or a line is equally deep, single points have no weight.
         share = tie.weight if area > 0.0 else 1.0
         if share == 0.0:
             continue

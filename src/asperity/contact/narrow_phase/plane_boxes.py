@@ -1,4 +1,4 @@
-"""What holds all over a box of a plane patch's parameters: normal, texture, borders."""
+"""Bounds over a box of a plane patch's parameters: normal, texture, borders."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def texture_size(textures, patch):
 
 @small_kernel
 def lateral_shift(textures, patch):
-    """Return how far a patch's texture moves points sideways at most [m]."""
+    """Return an upper bound of the lateral displacement of points by a patch's texture [m]."""
     if patch.texture < 0 or patch.is_level:
         return 0.0
     return textures.maps[patch.texture].max_abs_surface * patch.normal_lateral
@@ -36,7 +36,7 @@ def on_texture(patch, x, y, half_x, half_y):
 def plane_normal(patch, x, y, radius):
     """Return a plane patch's unit normal w at (x, y), and bounds within `radius`.
 
-    After the three components of w: how much it changes, |w'| and |w''| at most.
+    After the three components of w are upper bounds of its change, |w'| and |w''|.
     """
     v_u, v_v, v_z = patch.normal[0], patch.normal[1], patch.normal[2]
     if patch.is_unit:
@@ -51,7 +51,7 @@ def plane_normal(patch, x, y, radius):
     v_z += by_x[2] * x + by_y[2] * y
     size = math.sqrt(v_u * v_u + v_v * v_v + v_z * v_z)
     w1, w2 = patch.normal_slope, patch.normal_bend
-    # Before normalisation w is linear, and in the box not much shorter than here.
+    # Before normalisation w is linear, which bounds its least length in the box.
     shortest = size - slopes * radius
     if slopes < w1 * shortest:
         w1 = slopes / shortest
@@ -62,7 +62,7 @@ def plane_normal(patch, x, y, radius):
 
 @small_kernel
 def beyond_straight_borders(patch, first, x, y, half_x, half_y):
-    """Return whether a box lies beyond a border of a plane patch, of those from `first` on."""
+    """Return whether a box is beyond a border of a plane patch, of those from `first` on."""
     for n in range(first, patch.border_count):
         border = patch.borders[n]
         k1, k2, k4 = border.from_x, border.from_y, border.from_square

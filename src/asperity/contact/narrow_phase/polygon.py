@@ -11,9 +11,9 @@ from asperity.contact.narrow_phase.records import MAX_SIDES
 
 @inner_kernel
 def clip(polygon, size, a, b, r):
-    """Clip a polygon (rows x, y) to `a x + b y <= r`; return how many corners are left.
+    """Clip a polygon (rows x, y) to `a x + b y <= r`; return the number of remaining corners.
 
-    Of `polygon` (2 MAX_SIDES, 2) the first `size` rows are the corners.
+    The first `size` rows of `polygon` (2 MAX_SIDES, 2) are the corners.
     """
     over = stack_array((MAX_SIDES,))
     least, most = np.inf, -np.inf
@@ -45,10 +45,10 @@ def clip(polygon, size, a, b, r):
 
 @inner_kernel
 def steepest_rise(g_x, g_y, box, limits, count, slack, polygon):
-    """Return the largest `g_x dx + g_y dy` over a box within limits linearised at their point.
+    """Return the largest `g_x dx + g_y dy` over a box within limits linearised at a point.
 
-    `box` (x0, x1, y0, y1) is relative to that point; -inf if nothing of it is within the limits.
-    Limits that are not convex give way by `slack` [m]. `polygon` is scratch memory.
+    `box` (x0, x1, y0, y1) is relative to that point; -inf if no part of it is within the limits.
+    Concave limits are relaxed by `slack` [m]. `polygon` is scratch memory.
     """
     x0, x1, y0, y1 = box
     for i in range(4):

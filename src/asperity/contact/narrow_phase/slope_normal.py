@@ -1,8 +1,8 @@
-"""The normal m = n - s_u u - s_v v at a deepest point, which the force acts along.
+"""The normal m = n - s_u u - s_v v at a deepest point, along which the force acts.
 
-Where the deepest point lies on an edge, the slopes of the two surfaces differ. On an edge of A,
-which moves with A, B's slope counts; on an edge of B, A's. Edge on edge, m is perpendicular to
-both. Slopes are those of the lowered surfaces, if there is a load (`compliance`).
+At a deepest point on an edge the slopes of the two surfaces differ. On an edge of A, which moves
+with A, B's slope is used; on an edge of B, A's. For edge on edge m is perpendicular to both. Under
+a load, slopes are those of the lowered surfaces (`compliance`).
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from asperity.contact.narrow_phase.patch_pair import searches_a
 from asperity.contact.narrow_phase.surface_patch import entries
 
 ON_EDGE = 10.0 * FEASIBLE
-"""Distance from an edge at which a point is on it [m]."""
+"""Distance from an edge up to which a point is on it [m]."""
 _CORNER = 1e-3
-"""Sine of the angle from which on two edges meet in a corner."""
+"""Sine of the angle between two edges above which they form a corner."""
 _PARALLEL = 1e-6
-"""Sine of the angle between edges below which they are parallel."""
+"""Sine of the angle between edges below which they count as parallel."""
 
 
 @inner_kernel
 def _edge_of(limits, count, owner):
-    """Return whether a point lies on an edge of a body, and the direction across it."""
+    """Return whether a point is on an edge of a body, and the normal to it."""
     for i in range(count):
         if limits[i].owner == owner and limits[i].g > -ON_EDGE:
             return True, limits[i].g_x, limits[i].g_y
@@ -35,7 +35,7 @@ def _edge_of(limits, count, owner):
 
 @inner_kernel
 def _is_corner(limits, count, owner, across_x, across_y):
-    """Return whether a point lies on another edge of a body than that across (x, y)."""
+    """Return whether a point is on another edge of a body than that with this normal."""
     is_corner, size = False, math.hypot(across_x, across_y)
     for i in range(count):
         limit = limits[i]
@@ -47,7 +47,7 @@ def _is_corner(limits, count, owner, across_x, across_y):
 
 @inner_kernel
 def _edge_of_rectangle(patch, x, y):
-    """Return whether (x, y) lies on a side of a patch's rectangle that is an edge, and outwards."""
+    """Return whether (x, y) is on a side of a patch's rectangle that is an edge, and its normal."""
     for axis in range(2 if patch.rectangle_is_edge else 0):
         place = x if axis == 0 else y
         low, high = patch.rectangle[2 * axis], patch.rectangle[2 * axis + 1]
@@ -59,7 +59,7 @@ def _edge_of_rectangle(patch, x, y):
 
 @small_kernel
 def _outwards(edge, u, v):
-    """Return the unit vector of (u, v) across an edge, on the side that (u, v) is on."""
+    """Return the unit normal of an edge in (u, v), on the side of the vector (u, v)."""
     size = math.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
     if edge[1] * u - edge[0] * v < 0.0:
         size = -size
@@ -68,9 +68,9 @@ def _outwards(edge, u, v):
 
 @small_kernel
 def _across_and_along(point, across_x, across_y, sign):
-    """Return a surface's (u, v) across an edge, and the edge in (u, v, n).
+    """Return a surface's tangent (u, v) across an edge, and the edge in (u, v, n).
 
-    `point` is a POINT on it, (across_x, across_y) the direction across the edge by its parameters.
+    `point` is a POINT on it, (across_x, across_y) the edge's normal in the parameters.
     """
     p_x, p_y = point.p_x, point.p_y
     across = (across_x * p_x[0] + across_y * p_y[0], across_x * p_x[1] + across_y * p_y[1])
@@ -86,8 +86,8 @@ def _across_and_along(point, across_x, across_y, sign):
 def _fill_slope_normal(textures, patch, other, is_a, at, search, out):
     """Fill m = (-s_u, -s_v, 1) in the contact frame at a point; return whether it is certain.
 
-    `is_a` is true if `patch` is A's. m is uncertain where two edges are parallel and leave each
-    other's facet on the same side: then the slopes depend on the facets beyond the edges.
+    `is_a` is true if `patch` is A's. m is uncertain where two edges are parallel and both surfaces
+    end on the same side: then the slopes depend on the facets beyond the edges.
     """
     limits, point = search.limits, search.surface
     count = limits_at(patch, other, at, limits)
@@ -100,7 +100,7 @@ def _fill_slope_normal(textures, patch, other, is_a, at, search, out):
     sign, other_sign = (-1.0, 1.0) if is_a else (1.0, -1.0)
     out[2] = 1.0
     if on_edge and on_other_edge and (is_corner or is_other_corner):
-        # A corner slides on the other body, be it on an edge of that: its slope counts.
+        # A corner slides on the other body, even on an edge of it: that body's slope is used.
         is_certain = is_corner != is_other_corner
         from_other = is_corner if is_certain else is_a
     elif on_edge and on_other_edge:
@@ -127,10 +127,10 @@ def _fill_slope_normal(textures, patch, other, is_a, at, search, out):
         fall = at.slope[0] * out_u + at.slope[1] * out_v
         other_fall = at.other_slope[0] * over_u + at.other_slope[1] * over_v
         is_certain = out_u * over_u + out_v * over_v < 0.0
-        # Beyond its edge either surface falls faster than before it; the steeper one counts.
+        # Beyond its edge each surface falls faster than before it; the steeper one is used.
         from_other = other_fall < fall if is_certain else is_a
     else:
-        # An edge of one body slides on the other, whose slope counts.
+        # An edge of one body slides on the other, whose slope is used.
         is_certain, from_other = True, on_edge if on_edge != on_other_edge else is_a
     if from_other:
         out[0], out[1] = -other_sign * at.other_slope[0], -other_sign * at.other_slope[1]

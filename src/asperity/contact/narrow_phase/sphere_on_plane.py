@@ -11,7 +11,7 @@ from asperity.texture.packed import texture_at
 
 _STEPS = 8
 _CLOSE = 1e-7
-"""Step length below which `newton_ascent` takes over, for a step or two [m]."""
+"""Step length below which `newton_ascent` takes over [m]."""
 
 
 @small_kernel
@@ -33,9 +33,9 @@ def is_sphere_on_plane(patch, other):
 
 @small_kernel
 def _overlap(textures, patch, other, ax, ay, x, y):
-    """Return the overlap at (x, y) less a constant, and its five derivatives.
+    """Return the overlap at (x, y) up to a constant, and its five derivatives.
 
-    (ax, ay) is the place under the centre of the sphere.
+    (ax, ay) are the plane's parameters at the sphere's centre.
     """
     at, by_x, by_y = patch.texture_origin, patch.texture_from_x, patch.texture_from_y
     a, b, c, d = by_x[0], by_y[0], by_x[1], by_y[1]
@@ -58,10 +58,10 @@ def _overlap(textures, patch, other, ax, ay, x, y):
 
 @inner_kernel
 def ascend_sphere(textures, patch, other, box, x, y, stride):
-    """Return a point near the local maximum uphill of (x, y), as far as plain Newton steps go.
+    """Return a point nearer to the local maximum uphill of (x, y), by plain Newton steps.
 
-    They stop at the sides of the box, where the overlap is not concave, and where a step gains
-    nothing; `newton_ascent` continues from there. A step costs a tenth of one of `newton_ascent`.
+    They end at the sides of the box, where the overlap is not concave, or without a gain;
+    `newton_ascent`, whose steps cost ten times as much, continues from there.
     """
     x0, x1, y0, y1 = box
     ax, ay = parameters_at(patch, other.origin[0], other.origin[1])

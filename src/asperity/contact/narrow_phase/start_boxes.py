@@ -8,15 +8,15 @@ from asperity._core.kernels import inner_kernel
 from asperity.contact.narrow_phase.surface_patch import PLANAR
 
 _ALIGNED = 1e-12
-"""Texture axes within this of a patch's own are parallel to them."""
+"""Off-diagonal entry below which texture axes are parallel to a patch's axes."""
 
 
 @inner_kernel
 def start_boxes(textures, patch, window, boxes_out):
-    """Fill boxes (9, 4) that cover a window: blocks of the texture's pyramid where they fit.
+    """Fill boxes (9, 4) that cover a window, if possible blocks of the texture's pyramid.
 
-    A bound over a whole block takes one look-up and is sharper than over any other box. Returns
-    how many boxes there are.
+    A bound over a whole block takes one look-up and is sharper than over other boxes. Returns the
+    number of boxes.
     """
     x0, x1, y0, y1 = window
     boxes_out[0, 0], boxes_out[0, 1], boxes_out[0, 2], boxes_out[0, 3] = x0, x1, y0, y1

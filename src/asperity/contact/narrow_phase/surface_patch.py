@@ -1,4 +1,4 @@
-r"""Surface patches: the parts of a geom's textured surface that face the direction of contact.
+"""Surface patches: the parts of a geom's textured surface that face the direction of contact.
 
 The contact frame has its origin near the contact and axes (u, v, z); z points out of the body
 under consideration: along n for the body B, along -n for the tool A. Seen along z, a convex geom
@@ -17,9 +17,9 @@ A patch ends at the sides of a rectangle of (x, y) and at its borders,
     k0 + k1 x + k2 y + k3 r + k4 (x^2 + y^2) <= 0.
 
 A border is either an edge of the body or a limit of the patch alone. Parts of the surface whose
-normal has less than `FLATTEST` along z belong to no patch.
+normal has a z component below `FLATTEST` belong to no patch.
 
-Patches are `PATCH` records, made anew every tick without allocating.
+Patches are `PATCH` records, filled in every tick without allocation.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FLATTEST = 0.2
 """Least cosine between the direction of contact and a normal that faces it."""
 
 PLANAR, CYLINDRICAL, TRIPLANAR = 0, 1, 2
-"""How a texture is mapped onto a body."""
+"""Mappings of a texture onto a body."""
 
 _UNBOUNDED = 1e3
 """Half side of a plane without a size [m]."""
@@ -76,11 +76,11 @@ def _along(axis, vector):
 
 @inner_kernel
 def _fill_texture_map(patch, frame, body, origin):
-    """Fill the base point and the normal of a patch in the frame of its texture."""
+    """Fill a patch's base point and normal in the frame of its texture, and the map's bounds."""
     slope = patch.slope
     a, b, c, d = entries(patch.lateral)
     for axis in range(3):
-        # An axis of the body, seen from the contact frame.
+        # An axis of the body in the contact frame.
         along_u = along_v = along_z = away = 0.0
         for world in range(3):
             along_u += body[world, axis] * frame[0, world]
@@ -119,10 +119,10 @@ def _fill_texture_map(patch, frame, body, origin):
 
 @inner_kernel
 def _fill_derived(patch, frame, body, mapping, origin):
-    """Fill what follows from the geometry of a patch.
+    """Fill the derived fields of a patch.
 
     `frame` (3, 3) has the axes u, v, z in its rows; `body` (3, 4) is the rotation of the body and,
-    in its last column, its position seen from the contact frame's origin, both in world axes;
+    in its last column, its position relative to the contact frame's origin, both in world axes;
     `origin` (3,) is where the texture's (u, v) are zero, in the body's frame.
     """
     e11, e12, e22 = patch.ellipse[0], patch.ellipse[1], patch.ellipse[2]
@@ -149,7 +149,7 @@ def _fill_derived(patch, frame, body, mapping, origin):
 
 @inner_kernel
 def fill_properties(geometry, surface, patch):
-    """Fill friction and stiffness of a patch: those of a surface."""
+    """Fill friction and stiffness of a patch from those of a surface."""
     laid = geometry.friction_map[surface]
     patch.friction, patch.friction_map = geometry.friction[surface], laid.map
     for k in range(2):
@@ -163,7 +163,7 @@ def fill_properties(geometry, surface, patch):
 def _fill_round_properties(geometry, g, patch):
     """Fill friction and stiffness of a patch of a cylinder or capsule with a cylindrical map.
 
-    As textures, maps cover the side alone, and are stretched so that they close round it.
+    Like textures, maps cover the side alone, and are stretched to close round it.
     """
     surface, stretch = geometry.surface[g], geometry.friction_around[g]
     fill_properties(geometry, surface, patch)
@@ -191,7 +191,7 @@ def add_border(patch, constant, from_x, from_y, from_root, from_square, is_edge)
 
 @inner_kernel
 def stretch_plane(patch, reach):
-    """Let a level plane patch, a rectangle or a disc, reach over its edges by `reach` [m]."""
+    """Extend a level plane patch, a rectangle or a disc, beyond its edges by `reach` [m]."""
     rectangle = patch.rectangle
     for side in range(4):
         rectangle[side] += reach if side & 1 else -reach
@@ -256,9 +256,9 @@ def _fill_ellipsoid(patch, centre, axes, semi):
 
 @inner_kernel
 def _fill_cylinder_side(patch, centre, radius, half, is_edge, axes):
-    """Fill the side of a cylinder or capsule round the third of its axes (3, 3), in columns.
+    """Fill the side of a cylinder or capsule around its third axis; `axes` (3, 3) has columns.
 
-    Its angle is measured from the first towards the second. Returns whether it faces z.
+    The map's angle is from the first axis towards the second. Returns whether the side faces z.
     """
     ref_x, ref_y, k = axes[:, 0], axes[:, 1], axes[:, 2]
     cosine = math.sqrt(max(1.0 - k[2] * k[2], 0.0))
@@ -282,7 +282,7 @@ def _fill_cylinder_side(patch, centre, radius, half, is_edge, axes):
     _set_rectangle(patch, half + abs(lean), reach, False)
     add_border(patch, -half, 1.0, 0.0, lean, 0.0, is_edge)
     add_border(patch, -half, -1.0, 0.0, -lean, 0.0, is_edge)
-    # The angle of e_r round the axis, where y = 0, and the sense in which it grows with y.
+    # The angle of e_r around the axis, where y = 0, and the sense in which it grows with y.
     along_x = _along(e_r, ref_x)
     along_y = _along(e_r, ref_y)
     turned_x = e_y[0] * ref_x[0] + e_y[1] * ref_x[1]
@@ -295,7 +295,7 @@ def _fill_cylinder_side(patch, centre, radius, half, is_edge, axes):
 
 @small_kernel
 def _fill_fold(patch, rms_slope):
-    """Fill how much the texture shears a patch where it leans least: there it is met."""
+    """Fill the shear of a patch by its texture at its least inclination, where contact occurs."""
     lean = patch.normal_lateral
     if patch.bulge > 0.0:  # a cylinder's side, or part of an ellipsoid
         lean = abs(patch.slope[0]) if patch.ellipse[0] == 0.0 else 0.0
@@ -304,7 +304,7 @@ def _fill_fold(patch, rms_slope):
 
 @inner_kernel
 def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
-    """Fill the patches of one geom into `patches_out[first:]`; return how many there are then.
+    """Fill the patches of one geom into `patches_out[first:]`; return the new number of patches.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
     frame : (3, 3) array
         Axes u, v, z of the contact frame in its rows, world axes.
     body : (3, 4) array
-        Rotation of its body and position seen from the contact frame's origin, world axes.
+        Rotation of its body, and position relative to the contact frame's origin, world axes.
     """
     kind, size, surface = geometry.kind[g], geometry.size[g], geometry.surface[g]
     texture, mapping = geometry.texture[surface], geometry.mapping[surface]
@@ -368,7 +368,7 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
                     patches_out[at], 0.0, -end * z[0], -end * z[1], -end * z[2] * size[0], 0.0,
                     is_edge,
                 )  # fmt: skip
-                if end * z[2] < 0.0:  # the top of the sphere lies beyond the border
+                if end * z[2] < 0.0:  # the top of the sphere is beyond the border
                     rim = size[0] * math.sqrt(max(1.0 - z[2] * z[2], 0.0))
                     patches_out[at].base_top = centre[2] + rim
                 patches_out[at].texture = on_ends

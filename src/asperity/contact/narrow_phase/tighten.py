@@ -16,9 +16,9 @@ _QUICK_STEPS = 2
 
 @small_kernel
 def _towards_maximum(at, box):
-    """Return a point of a box nearer to the maximum that a concave function has in it.
+    """Return a point of a box nearer to a concave function's maximum in it.
 
-    It is one Newton step; where a side of the box stops that, the step along the side.
+    It is one Newton step; if that leaves the box, the step along its side.
     """
     x0, x1, y0, y1 = box
     x, y = at.x, at.y
@@ -57,8 +57,8 @@ def _relative(box, x, y):
 def tighten_bound(textures, pair, box, found, threshold, search):
     """Return a tighter bound than `found`, a `BoxBound`, and whether `search.at` is within limits.
 
-    Where f is concave it is that of the tangent plane at the maximum. Newton's method goes to the
-    maximum, unless the tangent plane at a point near it shows that the bound is below `threshold`.
+    If f is concave, the bound is that of the tangent plane at the maximum. Newton's method ends
+    early if the tangent plane at a point on the way gives a bound below `threshold`.
     """
     patch, other, at, best = pair.patch, pair.other, search.at, search.best
     bound, level, slack = found.value, found.level, found.slack
@@ -66,16 +66,15 @@ def tighten_bound(textures, pair, box, found, threshold, search):
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     is_inside = True
     if found.kind == CONCAVE:
-        slack *= 4.0  # as seen from anywhere in the box, not from its centre
+        slack *= 4.0  # from any point of the box, not only its centre
         if best.pair == pair.number and x0 <= best.x <= x1 and y0 <= best.y <= y1:
-            # The incumbent is the only maximum of a concave box that holds it.
+            # If the box contains the incumbent, that is its only maximum.
             copy_record(at, best)
         else:
             for _ in range(_QUICK_STEPS):
                 if not at.f_xx * at.f_yy > at.f_xy * at.f_xy:
                     break
-                # Too deep to be pruned as it is, the point may lie beyond a limit, as may the
-                # maximum.
+                # A point too deep to be pruned, and the maximum, may be beyond a limit.
                 use_limits = at.f > threshold
                 if use_limits:
                     high = at.f + rise_within(patch, other, at, _relative(box, x, y), slack, search)

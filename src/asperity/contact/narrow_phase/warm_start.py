@@ -1,9 +1,8 @@
 """Warm start: cull pairs of patches by overlaps at the previous tick's deepest points.
 
-The tool moves little in a tick, so where sub-regions of a contact were deepest they are about as
-deep again. Those points are evaluated first, and pairs that cannot reach that depth are culled:
-for a leaning tool mostly by the highest points of both facets, before the part over which they
-meet is cut out.
+The tool moves little in a tick, so that the depths at a contact's last deepest points hardly
+change. Those points are evaluated first, and pairs that cannot reach that depth are culled: for an
+inclined tool mostly by the highest points of both facets, before they are clipped to each other.
 """
 
 from __future__ import annotations
@@ -23,12 +22,12 @@ from asperity.contact.narrow_phase.patch_pair import pair_shift, searches_a, win
 from asperity.contact.narrow_phase.surface_patch import entries
 
 ON_BORDER = 1e-9
-"""A point this far beyond a facet may still lie on its border [m]."""
-_PLACED = 1e-10
-"""Distance to which a point's parameters are found [m]."""
+"""Distance beyond a facet up to which a point may be on its border [m]."""
+_CONVERGED = 1e-10
+"""Lateral residual at which the iteration for a point's parameters ends [m]."""
 _STEPS = 8
 _OFF_BORDER = 1e-10
-"""How far beyond a limit a deepest point of the last tick may lie: it moves with the tool [m]."""
+"""Distance beyond a limit up to which a last deepest point, moved with the tool, counts [m]."""
 
 
 class SubRegions(NamedTuple):
@@ -37,18 +36,18 @@ class SubRegions(NamedTuple):
     point: NDArray[np.float64]
     """(u, v) of the last deepest point, nan if unknown, (n, 2) [m]."""
     side: NDArray[np.float64]
-    """Side of either line that a sub-region is on, 1 or -1; 0: both sides, (n, 2)."""
+    """Side of each line on which a sub-region is, 1 or -1; 0: both sides, (n, 2)."""
     depth: NDArray[np.float64]
     """Lower bound of the depth, -inf if unknown, (n,) [m]."""
     found: NDArray[np.float64]
-    """The pair that is so deep there and the parameters of the point: number, x, y; (n, 3)."""
+    """Pair number and parameters x, y of the point with that depth, (n, 3)."""
     radius: float
-    """How far sub-regions reach over the lines [m]."""
+    """How far sub-regions extend beyond the lines [m]."""
 
 
 @small_kernel
 def _extent_holds(candidate, u, v):
-    """Return whether (u, v) lies within the extent of a candidate's planes, or at its border."""
+    """Return whether (u, v) is within the extent of a candidate's planes, or at its border."""
     low_u, high_u, low_v, high_v = candidate.extent
     within_u = low_u - ON_BORDER <= u and u <= high_u + ON_BORDER
     return within_u and low_v - ON_BORDER <= v and v <= high_v + ON_BORDER
@@ -56,9 +55,9 @@ def _extent_holds(candidate, u, v):
 
 @inner_kernel
 def _overlap_over(textures, patch, other, u, v, search):
-    """Evaluate the overlap over (u, v), in `search.at`; return whether it is within the limits.
+    """Fill `search.at` with the overlap at (u, v); return whether it is within the limits.
 
-    A texture moves points sideways, so the parameters of the point are found by iteration.
+    A texture moves points laterally, so the point's parameters are found by iteration.
     """
     at = search.at
     x, y = parameters_at(patch, u, v)
@@ -69,7 +68,7 @@ def _overlap_over(textures, patch, other, u, v, search):
             return False
         off_u, off_v = at.point[0] - u, at.point[1] - v
         last, off = off, abs(off_u) + abs(off_v)
-        if off < _PLACED or off > 0.9 * last:
+        if off < _CONVERGED or off > 0.9 * last:
             break
         i, j, k, m = entries(patch.lateral_inverse)
         x -= i * off_u + j * off_v
@@ -85,9 +84,9 @@ def _overlap_over(textures, patch, other, u, v, search):
 
 @inner_kernel
 def distances_from_lines(a, b, at, lines):
-    """Return how far a point lies from the two lines that split an overlap region [m].
+    """Return the signed distances of a point from the lines that split an overlap region [m].
 
-    The base point on B's patch counts. `lines` (2, 3) has `l_u, l_v, l_0` in each row.
+    They are those of its base point on B's patch. `lines` (2, 3) has rows `l_u, l_v, l_0`.
     """
     x, y = (at.other_x, at.other_y) if searches_a(a, b) else (at.x, at.y)
     u, v = place_at(b, x, y)
@@ -101,8 +100,8 @@ def distances_from_lines(a, b, at, lines):
 def fill_known_depths(textures, count, stride, regions, parts, lines, memory):
     """Lower-bound the depth of each sub-region by the overlap at its previous deepest point.
 
-    Fills `regions.depth` [m], -inf where that point is not known, of the first `parts`. `count`
-    is the number of candidates in `memory`; `lines` (2, 3) are those that split the region.
+    Fills `regions.depth` [m] of the first `parts`, -inf if that point is unknown. `count` is the
+    number of candidates in `memory`; `lines` (2, 3) split the region.
     """
     search = memory.search[0]
     at = search.at
@@ -119,7 +118,7 @@ def fill_known_depths(textures, count, stride, regions, parts, lines, memory):
             number = candidate.number
             a, b = memory.patches_a[number // stride], memory.patches_b[number % stride]
             patch, other = (a, b) if searches_a(a, b) else (b, a)
-            # One point is often the deepest of several sub-regions.
+            # Several sub-regions often have the same deepest point.
             if not (u == last_u and v == last_v):
                 last_u, last_v = u, v
                 is_within = _overlap_over(textures, patch, other, u, v, search)
@@ -136,8 +135,8 @@ def fill_known_depths(textures, count, stride, regions, parts, lines, memory):
 
 
 @inner_kernel
-def bound_again(textures, count, stride, memory):
-    """Bound the first `count` candidates anew, under the load of the search."""
+def bound_under_load(textures, count, stride, memory):
+    """Bound the first `count` candidates under the load of the search."""
     search = memory.search[0]
     for row in range(count):
         candidate = memory.candidates[row]
@@ -154,7 +153,7 @@ def bound_again(textures, count, stride, memory):
 def cull_pairs(textures, count, stride, threshold, memory):
     """Bound the first `count` candidates; keep those that may be as deep as `threshold` [m].
 
-    Returns how many are left.
+    Returns the number of kept candidates.
     """
     candidates, kept = memory.candidates, np.int64(0)
     search = memory.search[0]
@@ -166,7 +165,7 @@ def cull_pairs(textures, count, stride, threshold, memory):
         patch, other = (a, b) if searches_a(a, b) else (b, a)
         candidate = candidates[kept]
         bound_pair(textures, patch, other, search, candidate)
-        # Those that do not meet are -inf deep.
+        # The bound is -inf for patches without a common part.
         if candidate.bound <= threshold - TIE:
             continue
         candidate.number = number

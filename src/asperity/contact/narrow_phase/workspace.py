@@ -1,4 +1,4 @@
-"""Memory of a search for the deepest point between two bodies, allocated once."""
+"""Scratch memory of a search for the deepest point between two bodies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from asperity.contact.narrow_phase.records import CANDIDATE, PATCH, SEARCH
 
 @by_reference
 class Workspace(NamedTuple):
-    """Memory of a search for the deepest point between two bodies, allocated once."""
+    """Scratch memory of a search for the deepest point between two bodies, allocated once."""
 
     patches_a: NDArray[np.void]
     """PATCH records of the tool A."""
@@ -32,7 +32,7 @@ class Workspace(NamedTuple):
 
 
 def workspace(patches: int, pairs: int) -> Workspace:
-    """Return memory for a search among so many patches of each body, and pairs of them."""
+    """Allocate memory for `patches` patches of each body and `pairs` candidates."""
     return Workspace(
         np.zeros(patches, PATCH),
         np.zeros(patches, PATCH),

@@ -1,4 +1,4 @@
-"""Bounds of what a surface is lowered by where its stiffness is a map; see `compliance`."""
+"""Bounds of the lowering of a surface with a stiffness map; see `compliance`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from asperity.contact.narrow_phase.bounds.texture import texture_over
 
 @inner_kernel
 def lowering_over(textures, patch, other, box, search):
-    """Return bounds of L sqrt(c) over a box of the patch's parameters: the least, bend and slope.
+    """Return bounds of L sqrt(c) over a box of the patch's parameters: least value, bend, slope.
 
     The bend bounds minus its second derivative along any unit direction of the parameters [1/m].
     """

@@ -1,4 +1,4 @@
-r"""Second-order upper bounds of the overlap over a box.
+"""Second-order upper bounds of the overlap over a box.
 
 Along a unit direction of the parameters of the first patch, with `G = (slope of the other, 1)`,
 
@@ -21,11 +21,11 @@ from asperity.contact.narrow_phase.plane_boxes import texture_size
 from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, entries
 
 UNEVALUATED, EVALUATED, QUADRATIC, CONCAVE = 0, 1, 2, 3
-"""How f is bounded over a box: to order zero, without or with f at its centre known; by a
-quadratic; by a concave quadratic."""
+"""Kind of bound of f over a box: of order zero, without or with f at the centre; a quadratic; a
+concave quadratic."""
 
 FINEST_OVERHANG = 1e-6
-"""Half diagonal at which boxes on an overhang are no longer divided [m]."""
+"""Half diagonal below which boxes on an overhang are not divided [m]."""
 
 
 class BoxBound(NamedTuple):
@@ -38,7 +38,7 @@ class BoxBound(NamedTuple):
     level: float
     """The quadratic bound without f's rise along the tangent plane at the centre [m]."""
     slack: float
-    """How far limits may lie from their tangents within the box [m]."""
+    """Upper bound of the distance of limits from their tangents within the box [m]."""
 
 
 @small_kernel
@@ -49,7 +49,7 @@ def box_bound(value, kind, level, slack):
 
 @small_kernel
 def concave_border_bend(patch, min_root):
-    """Return how much a border that is not convex bends within a box [1/m]."""
+    """Return an upper bound of a concave border's curvature within a box [1/m]."""
     if patch.bulge == 0.0:
         return 0.0
     low = max(min_root, 0.5 * patch.min_root)
@@ -58,15 +58,15 @@ def concave_border_bend(patch, min_root):
 
 @small_kernel
 def _texture_bend(size, over, facing, spread, steepness):
-    """Return the part of f'' that a texture makes.
+    """Return an upper bound of a texture's part of f''.
 
-    `size` is the largest |t|; `facing` is G.w at the centre, and `spread` how much it changes over
+    `size` is the largest |t|; `facing` is G.w at the centre, and `spread` bounds its change over
     the box.
     """
     most, least = facing + spread, facing - spread
     bend = over.bend * max(most if over.bend >= 0.0 else least, 0.0)
     if least < 0.0:
-        # Seen from behind, the texture's hollows bend outwards.
+        # Seen from behind, the texture's valleys are convex.
         bend = max(bend, 0.0) - least * over.bend_size
     return bend + (2.0 * over.slope * over.normal_slope + size * over.normal_bend) * steepness
 
@@ -75,7 +75,7 @@ def _texture_bend(size, over, facing, spread, steepness):
 def surface_bend(textures, patch, over, side):
     """Return a bound of |p''|, the second derivatives of a displaced surface by its parameters.
 
-    `side` is the part of the normal that counts: 1, or its lateral part.
+    `side` is the size of the normal's part that is used: 1, or that of its lateral part.
     """
     bend = concave_border_bend(patch, over.min_root)
     if patch.texture >= 0:
@@ -86,7 +86,7 @@ def surface_bend(textures, patch, over, side):
 
 @small_kernel
 def less_base(other, matrix, max_root, lateral):
-    """Return M (11, 12, 22) less the curvature of the other's smooth base.
+    """Return M (11, 12, 22) minus the curvature of the other's smooth base.
 
     `lateral` has the four entries of the first patch's map to (u, v).
     """
@@ -110,7 +110,7 @@ def _rise(slope, bend, half):
 
 @small_kernel
 def quadratic_bound(matrix, half_x, half_y, bound, slack, at):
-    """Return the sharper of `bound` and that of f'' <= M, given as (11, 12, 22)."""
+    """Return the tighter of `bound` and that of f'' <= M, given as (11, 12, 22)."""
     m11, m12, m22 = matrix
     square = max(m11, 0.0) * half_x * half_x + max(m22, 0.0) * half_y * half_y
     level = at.f + 0.5 * square + abs(m12) * half_x * half_y
@@ -177,11 +177,11 @@ def _third_order(textures, patch, other, over, over_other, fastest, closest):
 
 @small_kernel
 def _with_third(found, third, half_x, half_y, bound, at):
-    """Return `found`, or the bound by the Hessian at the centre, which changes by `third` at most.
+    """Return the tighter of `found` and the bound by the Hessian at the centre.
 
-    The latter is sharper on ridges and in small boxes. By Taylor's theorem f rises over its
-    quadratic by a third of what it would if all of the box had the changed Hessian; concave it is
-    only with all of the change.
+    `third` bounds the change of the Hessian over the box. That bound is tighter on ridges and in
+    small boxes. By Taylor's theorem the remainder is at most a third of what the whole change would
+    give everywhere in the box; f is concave only if it is with the whole change.
     """
     matrix = (at.f_xx + third / 3.0, at.f_xy, at.f_yy + third / 3.0)
     by_third = quadratic_bound(matrix, half_x, half_y, bound, found.slack, at)
@@ -195,36 +195,36 @@ def _with_third(found, third, half_x, half_y, bound, at):
 
 @small_kernel
 def drift_of(textures, patch, over):
-    """Return how fast a texture moves points sideways along a unit direction, at most."""
+    """Return a bound of the derivative of the lateral displacement along a unit direction."""
     return over.slope * over.lateral + texture_size(textures, patch) * over.normal_slope
 
 
 @small_kernel
 def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
-    """Return the sharper of `bound` and the second-order bounds of the overlap over a box.
+    """Return the tighter of `bound` and the second-order bounds of the overlap over a box.
 
     Parameters
     ----------
     patch, other : PATCH records
     over, over_other : TextureBounds
-        Over the box, and over the part of the other patch that may lie under it.
+        Over the box, and over the part of the other patch that may be under it.
     half : tuple of float
-        Half sides of the box [m], what lowering the patch adds to f'' at most [1/m], and how far
-        the other's place in (u, v) moves at least where its parameters move by 1, if it is known.
+        Half sides of the box [m], a bound of the lowering's part of f'' [1/m], and the least
+        stretch of the other's (u, v) by its parameters, 0 if unknown.
     bound : float
-        Of order zero [m].
+        Order-zero bound [m].
     at : OVERLAP record
         At the centre of the box.
     """
     half_x, half_y, kappa, known = half
     radius = math.sqrt(half_x * half_x + half_y * half_y)
     side, side_other = over.lateral, over_other.lateral
-    # How fast the place in (u, v) moves along a unit direction, at most and at least.
+    # Bounds of the derivative of (u, v) along a unit direction of the parameters.
     drift, drift_other = drift_of(textures, patch, over), drift_of(textures, other, over_other)
     fastest, slowest = patch.lateral_max + drift, max(patch.lateral_min - drift, 0.0)
     closest, widest = max(other.lateral_min - drift_other, known), other.lateral_max + drift_other
     g1, g2 = at.other_slope[0], at.other_slope[1]
-    # How much the other's slope changes over the box.
+    # Bound of the change of the other's slope over the box.
     turn = 0.0
     if side > 0.0 or side_other > 0.0:
         if closest == 0.0:
@@ -258,7 +258,7 @@ def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
             c = other.bulge / over_other.max_root
             less = c * other.ellipse_uv_min * slowest * slowest
             m11, m22 = m11 - less, m22 - less
-    # How far the limits may lie from their tangents, those of the other patch by its parameters.
+    # Bound of the limits' distance from their tangents, for the other patch by its parameters.
     slack = concave_border_bend(patch, over.min_root)
     ratio = fastest / max(closest, 1e-9)
     slack += concave_border_bend(other, over_other.min_root) * ratio * ratio

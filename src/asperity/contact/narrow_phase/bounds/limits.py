@@ -1,4 +1,4 @@
-"""What the limits of two patches rule out: boxes beyond them, and rises that leave them."""
+"""Bounds by the limits of two patches: boxes beyond them, and the rise within them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from asperity.contact.narrow_phase.overlap import limits_at
 from asperity.contact.narrow_phase.polygon import steepest_rise
 
 _NO_RISE = 1e-13
-"""Rise below which the limits are not consulted [m]."""
+"""Rise below which the limits are ignored [m]."""
 _LEAST_ROOT = 0.02
-"""Root below which borders of curved patches are not bounded."""
+"""Root below which borders of curved patches are ignored."""
 
 
 @inner_kernel
 def beyond_borders(patch, x, y, half_x, half_y):
-    """Return whether a box round (x, y) lies beyond one of a patch's borders."""
+    """Return whether a box around (x, y) is beyond one of a patch's borders."""
     if patch.border_count == 0:
         return False
     radius = math.sqrt(half_x * half_x + half_y * half_y)
@@ -26,7 +26,7 @@ def beyond_borders(patch, x, y, half_x, half_y):
     if least <= _LEAST_ROOT:
         return False
     r, r_x, r_y, _, _, _ = root_at(patch, x, y)
-    # How far the root may lie from its tangent plane.
+    # Bound of the root's distance from its tangent plane.
     bend = 0.5 * radius * radius * patch.ellipse_max / (least * least * least)
     for i in range(patch.border_count):
         border = patch.borders[i]
@@ -41,7 +41,7 @@ def beyond_borders(patch, x, y, half_x, half_y):
 
 @small_kernel
 def is_apart(patch, x, y, reach):
-    """Return whether no part of a patch lies within `reach` of (x, y), in its parameters."""
+    """Return whether no part of a patch is within `reach` of (x, y), in its parameters."""
     if patch.bulge > 0.0:
         _, most = roots_over(patch, x, y, reach)
         if most < patch.min_root:
@@ -56,7 +56,8 @@ def is_apart(patch, x, y, reach):
 def rise_within(patch, other, at, box, slack, search):
     """Return the largest rise along the tangent plane at `at` over a box within the limits.
 
-    `box` (x0, x1, y0, y1) is relative to the point; limits may lie `slack` off their tangents [m].
+    `box` (x0, x1, y0, y1) is relative to the point; limits are within `slack` of their tangents
+    [m].
     """
     x0, x1, y0, y1 = box
     g_x, g_y = at.f_x, at.f_y
@@ -68,7 +69,7 @@ def rise_within(patch, other, at, box, slack, search):
     is_near = False
     for i in range(count):
         limit = limits[i]
-        # A convex limit too is bent where a texture shifts points.
+        # A convex limit is curved too where a texture moves points laterally.
         limit.g -= 0.0 if limit.is_concave else slack
         a, b = limit.g_x, limit.g_y
         reach = max(a * x0, a * x1) + max(b * y0, b * y1)

@@ -1,13 +1,13 @@
 """Upper bounds of the overlap over a box of a patch's parameters, which certify the search.
 
-There are two, of which the smaller counts.
+The smaller of two is used.
 
-*Of order zero.* The smooth bases are concave over one another, so tangent planes bound them; the
-textures rise at most to the highest coefficient under the box.
+*Order zero.* The smooth bases are concave functions over each other, so tangent planes bound them;
+the textures rise at most to the highest coefficient under the box.
 
-*Of second order* (`curvature_bound`): f is at most a quadratic round the centre of the box. Where
-that is concave, so is f, and the tangent plane at its maximum within the limits of both patches
-bounds it (`tighten_bound`).
+*Second order* (`curvature_bound`): f is at most a quadratic around the centre of the box. If that
+is concave, so is f, and the tangent plane at its maximum within the limits of both patches bounds
+it (`tighten_bound`).
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from asperity.texture.highest import texture_top
 
 @small_kernel
 def _base_tangent(patch, x, y):
-    """Return height and slopes by (x, y) of the smooth base, and (x, y), moved into its ellipse."""
+    """Return height and slopes by (x, y) of the smooth base, and (x, y) moved into its ellipse."""
     if patch.bulge > 0.0:
         out = ellipse_form(patch, x, y)
         most = 1.0 - 0.25 * patch.min_root**2
@@ -73,10 +73,9 @@ def base_bound(patch, other, base_x, base_y, box, shift):
     """Return two upper bounds of the overlap of smooth bases over a box, and the other's slope.
 
     The first, -inf if there is no overlap, is that of two tangent planes; the slope is that of the
-    other's plane over (u, v). The second is that of the other's highest point: where textures move
-    points sideways, it holds wherever they come to lie. `(base_x, base_y)` is where the bases
-    overlap most, as far as known: the bound is sharp if the box contains it. `shift` is how far
-    textures move points sideways [m].
+    other's plane over (u, v). The second, by the other's highest point, holds wherever textures
+    move points laterally. `(base_x, base_y)` estimates where the bases overlap most: the bound is
+    tight if the box contains it. `shift` bounds the textures' lateral displacement [m].
     """
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
@@ -108,7 +107,7 @@ def base_bound(patch, other, base_x, base_y, box, shift):
     tx, ty = min(max(base_x, x0), x1), min(max(base_y, y0), y1)
     z, z_x, z_y, px, py = _base_tangent(patch, tx, ty)
     total = z + z_x * (x - px) + z_y * (y - py)
-    # Neither base rises above its highest point, however steep the tangent planes are.
+    # Neither base is above its highest point, however steep the tangent planes are.
     top = min(total + abs(z_x) * half_x + abs(z_y) * half_y, patch.base_top) + other.base_top
     u, v = place_at(patch, tx, ty)
     qx, qy = parameters_at(other, u, v)
@@ -124,7 +123,7 @@ def base_bound(patch, other, base_x, base_y, box, shift):
 
 @small_kernel
 def _level_bound(textures, patch, other, box, bound, threshold, at):
-    """Sharpen the base bound for a level textured plane and a smooth other patch."""
+    """Tighten the base bound for a level textured plane and a smooth other patch."""
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
@@ -150,10 +149,10 @@ def _level_bound(textures, patch, other, box, bound, threshold, at):
 
 @inner_kernel
 def sphere_bound(textures, pair, box, threshold, at):
-    """Do `general_bound` for a smooth sphere over a level textured plane, in a quarter of the time.
+    """Return the `general_bound` of a smooth sphere over a level textured plane, 4 times as fast.
 
-    The base point of the pair is where the sphere is lowest, so the nearest place of the box has
-    its lowest point.
+    The pair's base point is under the sphere's lowest point, so the sphere is lowest over the
+    box's point nearest to it.
     """
     patch, other = pair.patch, pair.other
     x, y = pair.base_x, pair.base_y
@@ -168,29 +167,29 @@ def sphere_bound(textures, pair, box, threshold, at):
 
 @small_kernel
 def _raised(textures, patch, other, over, over_other, highest, base):
-    """Return the base bound and what the textures add to it: a bound of order zero.
+    """Return the order-zero bound: the base bound plus the textures.
 
-    `base` is that of `base_bound`, `highest` the largest height of the other's texture that counts.
+    `base` is that of `base_bound`, `highest` an upper bound of the other's texture.
     """
     bound, top, g1, g2 = base
     steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
     if patch.texture >= 0:
-        # A point rises by t (w + its lateral part times the other's slope).
+        # The overlap rises by t times G.w, the lateral part of w included.
         along = over.normal_z + g1 * over.normal_u + g2 * over.normal_v
         spread = steepness * over.normal_change
         rise = over.top * (along + spread if over.top > 0.0 else max(along - spread, 0.0))
         bound += max(rise, texture_size(textures, patch) * (spread - along))
     if other.texture >= 0:
-        # The other surface stays below its tangent plane, moved along its normal.
+        # The other surface is below its tangent plane, moved along its normal.
         least = max(1.0 - over_other.normal_change, 0.0)
         bound += highest * (steepness if highest > 0.0 else least)
-    # No point is higher than its base point and the highest texture together.
+    # No point is higher than the sum of the base's top and the highest texture.
     return min(bound, top + max(over.top, 0.0) + max(highest, 0.0))
 
 
 @inner_kernel
 def _textured_bound(textures, pair, box, base, threshold, search):
-    """Sharpen the base bound for any two patches; `base` is that of `base_bound`."""
+    """Tighten the base bound for any two patches; `base` is that of `base_bound`."""
     patch, other, at = pair.patch, pair.other, search.at
     x0, x1, y0, y1 = box
     over = texture_over(textures, patch, x0, x1, y0, y1)
@@ -237,14 +236,14 @@ def _textured_bound(textures, pair, box, base, threshold, search):
     if patch.bulge == 0.0 and other.bulge == 0.0:
         return plane_bound(textures, pair, box, bound, search)
     overlap_at(textures, patch, other, x, y, search, at)
-    # How far the other's texture moves points sideways is known only where there is a point.
+    # The lateral displacement by the other's texture is known only if there is a point.
     astray = 0.0 if is_explicit else (size_other if at.f == -np.inf else 3.0 * size_other)
     far = (radius * fastest + astray) / other.lateral_min
-    # Beyond the outline of a round patch there is no point, and no place on the other.
+    # Beyond the outline of a round patch there is no point, and none on the other.
     if at.other_x == at.other_x and is_apart(other, at.other_x, at.other_y, far):
         return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
     if at.f == -np.inf:
-        # The other surface overhangs there, as seen along n: it is not rendered.
+        # The other surface overhangs there along n: it has no height.
         left = bound if radius > FINEST_OVERHANG else -np.inf
         return box_bound(left, UNEVALUATED, bound, 0.0)
     if not is_explicit:
@@ -275,8 +274,8 @@ def _textured_bound(textures, pair, box, base, threshold, search):
 def general_bound(textures, pair, box, threshold, search):
     """Return a `BoxBound` of the overlap over a box.
 
-    Once the bound falls to `threshold` it is not sharpened. Where f is known at the centre of the
-    box, `search.at` is filled as by `overlap_at`; the centre may lie beyond a limit.
+    A bound up to `threshold` is not tightened further. If f at the centre of the box is known,
+    `search.at` is filled as by `overlap_at`; the centre may be beyond a limit.
     """
     patch, other = pair.patch, pair.other
     base = base_bound(patch, other, pair.base_x, pair.base_y, box, pair.shift)
@@ -291,7 +290,7 @@ def general_bound(textures, pair, box, threshold, search):
 
 @inner_kernel
 def order_zero_bound(textures, patch, other):
-    """Return an upper bound of the overlap of two patches, -inf if they do not meet [m]."""
+    """Return an upper bound of the overlap of two patches, -inf without a common part [m]."""
     shift = pair_shift(textures, patch, other)
     x0, x1, y0, y1 = window_of(patch, other, shift)
     if not (x0 <= x1 and y0 <= y1):
@@ -304,7 +303,7 @@ def order_zero_bound(textures, patch, other):
 
 @small_kernel
 def raised_base_bound(textures, patch, other, base_x, base_y, box, shift):
-    """Return `base_bound`, raised by the largest heights of both textures [m]."""
+    """Return `base_bound` raised by the largest heights of both textures [m]."""
     tangent, top, g1, g2 = base_bound(patch, other, base_x, base_y, box, shift)
     smooth = min(tangent, top)
     return smooth + pair_roughness(textures, patch, other) * math.sqrt(1.0 + g1 * g1 + g2 * g2)

@@ -1,7 +1,7 @@
 """Upper bounds of the overlap of two plane patches over a small box.
 
-The best-first search has bounded the overlap to order zero already, so f is evaluated at the
-centre of the box right away, and only slopes and curvatures of the textures are looked up.
+The best-first search has an order-zero bound already, so f is evaluated at the centre of the box,
+and only slopes and curvatures of the textures are looked up.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from asperity.contact.narrow_phase.plane_boxes import lateral_shift, plane_norma
 
 @small_kernel
 def _narrowed(textures, other, box, travel, at):
-    """Return the part of the other plane under a box, which its own texture widens.
+    """Return the part of the other plane under a box, including its own texture's displacement.
 
-    `box` is the part without that texture. With the slopes of where points may be at most, the
-    part is narrower: the centre's point is known, and points move by `travel` from it.
+    `box` is the part without it. The part is narrower by the slopes over all points it may contain:
+    the point under the centre is known, and others are within `travel` of it in (u, v).
     """
     x, y, reach_x, reach_y = box
     size = texture_size(textures, other)
@@ -51,7 +51,7 @@ def _narrowed(textures, other, box, travel, at):
 
 @inner_kernel
 def plane_bound(textures, pair, box, bound, search):
-    """Do `general_bound` for two plane patches whose bound of order zero is `bound`."""
+    """Return the `general_bound` of two plane patches with the order-zero bound `bound`."""
     patch, other, at = pair.patch, pair.other, search.at
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
@@ -64,7 +64,7 @@ def plane_bound(textures, pair, box, bound, search):
     drift = drift_of(textures, patch, over)
     fastest = patch.lateral_max + drift
     overlap_at(textures, patch, other, x, y, search, at)
-    # The centre's place on the other base, round which are those of all points over the box.
+    # The centre's point on the other base; those of all points over the box are around it.
     base_x, base_y = at.other_x, at.other_y
     if not is_explicit and at.f > -np.inf:
         base_x, base_y = parameters_at(other, at.point[0], at.point[1])
@@ -72,7 +72,7 @@ def plane_bound(textures, pair, box, bound, search):
     if is_apart(other, base_x, base_y, reach):
         return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
     if at.f == -np.inf:
-        # The other surface overhangs there, as seen along n: it is not rendered.
+        # The other surface overhangs there along n: it has no height.
         left = bound if radius > FINEST_OVERHANG else -np.inf
         return box_bound(left, UNEVALUATED, bound, 0.0)
     closest, highest = 0.0, np.inf

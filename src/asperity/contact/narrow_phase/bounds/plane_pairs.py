@@ -29,12 +29,12 @@ from asperity.contact.narrow_phase.surface_patch import PLANAR, entries
 from asperity.texture.highest import WHOLE, texture_top, top_over, windows_for
 
 _LEANING = 0.1
-"""Lateral shift over the size of a box above which it is bounded where points are moved to."""
+"""Lateral displacement, over the size of a box, above which `_leaning_bound` is used."""
 
 
 @small_kernel
 def _cap(textures, patch):
-    """Return the highest texture all over a patch [m]."""
+    """Return the highest texture on a patch [m]."""
     if patch.texture < 0:
         return 0.0
     return min(patch.texture_top, textures.maps[patch.texture].highest)
@@ -42,7 +42,7 @@ def _cap(textures, patch):
 
 @small_kernel
 def _highest(textures, patch, x, y, half_x, half_y):
-    """Return the highest texture over a box of a patch's parameters [m]; of a planar map."""
+    """Return a bound of the texture over a box of a patch's parameters, for a planar map [m]."""
     known = _cap(textures, patch)
     if patch.texture < 0 or patch.mapping != PLANAR:
         return known
@@ -52,7 +52,7 @@ def _highest(textures, patch, x, y, half_x, half_y):
 
 @inner_kernel
 def _highest_of_any(textures, patch, x, y, half_x, half_y):
-    """Do `_highest` for a triplanar map too.
+    """Return `_highest`, for a triplanar map too.
 
     It is not inlined: searches between planar maps would take 4 % longer.
     """
@@ -64,7 +64,7 @@ def _highest_of_any(textures, patch, x, y, half_x, half_y):
 
 @small_kernel
 def _lifting_height(patch, high):
-    """Return the height of a texture that counts for `_lift`: where normals vary, that above 0."""
+    """Return the height to multiply by a lift: where normals vary, at least 0."""
     return high if patch.is_unit else max(high, 0.0)
 
 
@@ -81,7 +81,7 @@ def _spread(textures, patch, half_x, half_y):
 
 @small_kernel
 def _top_over(textures, patch, cap, spread, x, y):
-    """Return the highest texture over a box round (x, y), whose `spread` is known [m]."""
+    """Return the highest texture over a box around (x, y) with this `_spread` [m]."""
     ru, rv, chosen = spread
     if chosen[3] == 0:
         return cap
@@ -94,8 +94,8 @@ def _top_over(textures, patch, cap, spread, x, y):
 def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
     """Fill upper bounds of the overlap of two plane patches over the quarters of a box, (4,) [m].
 
-    -inf where they do not meet, and for quarters that do not exist: a box twice as long as wide is
-    halved. Quarters are of one size, so what depends on that is computed once. Those whose bound is
+    -inf without a common part, and for quarters that do not exist: a box twice as long as wide is
+    halved. Quarters have the same size, so what depends on it is computed once. Those with a bound
     above `threshold` are tested against the borders of both patches.
     """
     x0, x1, y0, y1 = box
@@ -132,7 +132,7 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
     leans = planes.shift > _LEANING * max(reach_x, reach_y)
     leans = leans and planes.back == -np.inf and planes.other_back == -np.inf
     mixed, folds = is_triplanar(patch) or is_triplanar(other), may_fold(textures, other)
-    # Of the distance by which both textures move points sideways, the other's own.
+    # The other texture's part of the lateral displacement by both.
     inside = planes.shift - lateral_shift(textures, patch) / other.lateral_min
     inside = max(inside, 0.0)
     for child in range(4 if mixed else 0):
@@ -181,10 +181,10 @@ def _least_height(patch, need, lift):
 
 @small_kernel
 def _displacement(textures, patch, low, high, box):
-    """Return where textures between two heights move the points of a box to, and how exactly.
+    """Return the lateral displacement of a box's points at heights from `low` to `high`.
 
-    Along u and along v, and a bound of the distance from there [m]. `box` has centre and half
-    sides.
+    It has the means along u and v, and a bound of the distance from these [m]. `box` has centre and
+    half sides.
     """
     if patch.texture < 0:
         return 0.0, 0.0, 0.0
@@ -202,10 +202,10 @@ def _displacement(textures, patch, low, high, box):
 def _leaning_bound(textures, patch, other, planes, box, under, heights, threshold):
     """Return an upper bound of overlaps deeper than `threshold` over a box, or `threshold`.
 
-    Textures move points sideways in proportion to their height. Where the overlap is that deep both
-    textures are high, so it is known more closely where on the other patch it lies, and the other's
-    high points elsewhere do not count. `heights` has a bound of the overlap of the bases and the
-    largest heights of both textures; `under` is the part of the other patch under the box.
+    Textures move points laterally in proportion to their height. At such overlaps both textures are
+    high, which narrows the part of the other patch under the box, and excludes its high points
+    elsewhere. `heights` has a bound of the overlap of the bases and the largest heights of both
+    textures; `under` is the part of the other patch under the box.
     """
     smooth, high_x, high_y = heights
     up_x = planes.lift * _lifting_height(patch, high_x)
@@ -237,13 +237,13 @@ def _leaning_bound(textures, patch, other, planes, box, under, heights, threshol
 
 @small_kernel
 def _lifted(patch, other, planes, smooth, top, high_x, high_y):
-    """Return the sharper of two bounds for textures of given largest heights.
+    """Return the tighter of two bounds for textures with given largest heights.
 
     `smooth` bounds the overlap of the bases, `top` the sum of their largest heights.
     """
     high_x = _lifting_height(patch, high_x)
     high_y = _lifting_height(other, high_y)
-    # No point is higher than its base point and the highest texture together.
+    # No point is higher than the sum of the base's top and the highest texture.
     top = _raised_tops(patch, other, top, high_x, high_y)
     up_x, up_y = planes.lift * high_x, planes.other_lift * high_y
     return min(smooth + max(up_x, planes.back) + max(up_y, planes.other_back), top)
@@ -251,7 +251,7 @@ def _lifted(patch, other, planes, smooth, top, high_x, high_y):
 
 @small_kernel
 def top_bound(textures, patch, other):
-    """Return the sum of the largest heights of two patches, inf where that is not known [m]."""
+    """Return the sum of the largest heights of two patches, inf if it is unknown [m]."""
     high_x = _lifting_height(patch, _cap(textures, patch))
     high_y = _lifting_height(other, _cap(textures, other))
     return _raised_tops(patch, other, patch.base_top + other.base_top, high_x, high_y)
@@ -259,13 +259,13 @@ def top_bound(textures, patch, other):
 
 @small_kernel
 def _raised_tops(patch, other, top, high_x, high_y):
-    """Return the sum of the largest heights of two surfaces, that of their bases being `top`."""
+    """Return the sum of the largest heights of two surfaces; `top` is that of their bases."""
     return top + _rise(patch, high_x) + _rise(other, high_y)
 
 
 @small_kernel
 def _rise(patch, high):
-    """Return how much a texture of a largest height raises the top of a patch at most [m]."""
+    """Return an upper bound of a patch's rise above its base's top, from its largest height [m]."""
     if patch.bulge > 0.0:  # the normals of a sphere have unit length, and vary
         return max(high, 0.0)
     return high * (patch.normal[2] if patch.is_unit else patch.normal_rise)
@@ -273,7 +273,7 @@ def _rise(patch, high):
 
 @small_kernel
 def _bound_over(textures, patch, other, planes, smooth, box, under):
-    """Return an upper bound of the overlap over a box, `smooth` being that of the bases."""
+    """Return an upper bound of the overlap over a box; `smooth` is that of the bases."""
     x, y, half_x, half_y = box
     bx, by, reach_x, reach_y = under
     slope, other_slope = patch.slope, other.slope
@@ -288,9 +288,9 @@ def _bound_over(textures, patch, other, planes, smooth, box, under):
 
 @inner_kernel
 def bound_pair(textures, patch, other, search, candidate_out):
-    """Fill an upper bound of the overlap of a candidate's patches, -inf if they do not meet.
+    """Fill an upper bound of the overlap of a candidate's patches, -inf without a common part.
 
-    For planes, also the box of parameters over which they overlap.
+    For planes, also fill the box of parameters over which they overlap, and the lifts.
     """
     candidate = candidate_out
     if patch.bulge > 0.0 or other.bulge > 0.0:
@@ -300,7 +300,7 @@ def bound_pair(textures, patch, other, search, candidate_out):
     polygon, shift = search.polygon, pair_shift(textures, patch, other)
     size = min(other.rectangle[1], other.rectangle[3]) * other.lateral_min
     if shift > _LEANING * size and not (patch.is_unit and other.is_unit):
-        # Points move less than those of the whole facet where normals vary.
+        # Where normals vary, the displacement in the window may be less than on the whole facet.
         x0, x1, y0, y1 = window_of(patch, other, shift)
         if not (x0 <= x1 and y0 <= y1):
             return

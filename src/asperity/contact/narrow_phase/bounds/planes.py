@@ -1,4 +1,4 @@
-"""What all bounds of the overlap of two plane patches share."""
+"""Quantities shared by all bounds of the overlap of two plane patches."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from asperity.contact.narrow_phase.surface_patch import entries
 
 
 class Planes(NamedTuple):
-    """What all bounds of the overlap of two plane patches share."""
+    """Quantities shared by all bounds of the overlap of two plane patches."""
 
     b0: float
     """The other's first parameter over (x, y): b0 + b1 x + b2 y [m]."""
@@ -29,22 +29,22 @@ class Planes(NamedTuple):
     z_y: float
     z_0: float
     lift: float
-    """Rise of the overlap per height of the texture, at most."""
+    """Largest rise of the overlap per height of the texture."""
     other_lift: float
-    """And per height of the other's."""
+    """The same for the other's texture."""
     back: float
-    """Rise by the hollows of the texture where it is seen from behind, at most; else -inf [m]."""
+    """Largest rise by the texture's valleys if it is seen from behind, else -inf [m]."""
     other_back: float
-    """And by those of the other's."""
+    """The same for the other's texture."""
     shift: float
-    """How far textures move points at most, by the other's parameters [m]."""
+    """Largest displacement of points by both textures, in the other's parameters [m]."""
     g1: float
     """Slope of the other's base over (u, v)."""
     g2: float
 
 
 class Lifts(NamedTuple):
-    """What textures do to the overlap of two planes at most; see `Planes`."""
+    """Upper bounds of the textures' effect on the overlap of two planes; see `Planes`."""
 
     lift: float
     other_lift: float
@@ -57,7 +57,7 @@ class Lifts(NamedTuple):
 def lifts_within(textures, patch, other, box):
     """Return the `Lifts` of two plane patches within `box`, centre and half sides on `patch`.
 
-    Where normals vary, those in the box lean and lift less than those all over a large facet.
+    Where normals vary, bounds over the box are tighter than those over a whole large facet.
     """
     i, j, k, m = entries(other.lateral_inverse)
     s_x, s_y = other.slope[0], other.slope[1]
@@ -94,22 +94,22 @@ def planes_of(patch, other, lifts):
 
 @small_kernel
 def _back(textures, patch, least):
-    """Return how far hollows raise a plane where its heights lift by as little as `least` [m]."""
+    """Return how far valleys raise a plane if its lift may be as low as `least` [m]."""
     return -least * texture_size(textures, patch) if least < 0.0 else -np.inf
 
 
 @small_kernel
 def _unit_lift(patch, g1, g2):
-    """Do `_lift_and_lean` for a constant normal, without its lean."""
+    """Return the lift of `_lift_and_lean` for a constant normal."""
     return patch.normal[2] + g1 * patch.normal[0] + g2 * patch.normal[1]
 
 
 @small_kernel
 def _lift_and_lean(patch, box, g1, g2):
-    """Return how much the height of a plane over (u, v) rises per height of its texture, at most.
+    """Return bounds of the lift, and the largest lateral part of the normal.
 
-    And at least; and the largest lateral part of the normal. (g1, g2) is the slope of the other
-    plane; all hold within a `box` of centre and half sides.
+    The lift is the rise of the overlap per height of a plane's texture: largest, least. (g1, g2) is
+    the slope of the other plane; all hold within a `box` of centre and half sides.
     """
     if patch.is_unit:
         lift = _unit_lift(patch, g1, g2)
@@ -127,7 +127,7 @@ def _lift_and_lean(patch, box, g1, g2):
 
 @small_kernel
 def box_under(mapping, box, shift):
-    """Return the box (x, y, half_x, half_y) of the other's parameters that may lie under one.
+    """Return the box (x, y, half_x, half_y) of the other's parameters that may be under a box.
 
     `mapping` is that of `parameters_over`; `shift` widens the box on all sides [m].
     """
@@ -142,6 +142,6 @@ def box_under(mapping, box, shift):
 
 @small_kernel
 def under_box(planes, box):
-    """Do `box_under` for the `Planes` of two patches, with their shift."""
+    """Return `box_under` for the `Planes` of two patches, with their shift."""
     mapping = planes.b0, planes.b1, planes.b2, planes.c0, planes.c1, planes.c2
     return box_under(mapping, box, planes.shift)

@@ -1,9 +1,9 @@
 """Second-order upper bounds of the overlap of a rough plane and a smooth one over a box.
 
 The height of a smooth plane is linear, so with G = (its slope, 1) and w the normal of the rough
-plane, f is a linear function plus t (G.w). A look-up of the texture at the centre of the box, and
-one of its slopes and second derivatives, bound it: several times more sharply than its highest
-point in boxes as small as the texture's waves, and at a third of what all of f's derivatives cost.
+plane, f is a linear function plus t (G.w). It is bounded by the texture at the centre of the box
+and bounds of its slopes and second derivatives: in boxes as small as the texture's waves several
+times more tightly than by its highest point, at a third of the cost of all of f's derivatives.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def _rise(slope, bend, half):
 
 @inner_kernel
 def rough_bound(textures, patch, other, planes, box):
-    """Return an upper bound of the overlap over a box (x, y, half_x, half_y), -inf if none [m].
+    """Return an upper bound of the overlap over a box (x, y, half_x, half_y) [m]; -inf if none.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def rough_bound(textures, patch, other, planes, box):
     size, lean = texture_size(textures, patch), 0.0
     if not patch.is_level:
         lean = min(math.sqrt(w_u * w_u + w_v * w_v) + change, 1.0)
-    # Where on the other plane the box lies: its centre is known, and how fast points move from it.
+    # The box's extent on the other plane: its centre is known, and how fast points move from it.
     i, j, k, m = entries(other.lateral_inverse)
     astray = (slope * lean + size * w1) * radius / other.lateral_min
     bx = planes.b0 + planes.b1 * x + planes.b2 * y + t * (i * w_u + j * w_v)
@@ -78,12 +78,12 @@ def rough_bound(textures, patch, other, planes, box):
     steepness, across = math.sqrt(square), math.sqrt(max(square - along * along, 0.0))
     along_x = along_y = 0.0
     if not patch.is_unit:
-        along_x, along_y = _turns(patch, x, y, (w_u, w_v, w_z), (g1, g2), along)
+        along_x, along_y = _lift_slopes(patch, x, y, (w_u, w_v, w_z), (g1, g2), along)
     spread = across * change + abs(along) * 0.5 * change * change
     most, least = min(along + spread, steepness), along - spread
     second = bend * max(most if bend >= 0.0 else least, 0.0)
     if least < 0.0:
-        # Seen from behind, the texture's hollows bend outwards.
+        # Seen from behind, the texture's valleys are convex.
         second = max(second, 0.0) - least * bend_size
     second += 2.0 * slope * w1 * min(across + steepness * change, steepness)
     second += size * w2 * steepness
@@ -94,8 +94,8 @@ def rough_bound(textures, patch, other, planes, box):
 
 
 @small_kernel
-def _turns(patch, x, y, w, g, along):
-    """Return the derivatives of G.w by x and y, for a normal that varies; G is (g, 1)."""
+def _lift_slopes(patch, x, y, w, g, along):
+    """Return the derivatives of G.w by x and y for a normal that varies; G is (g, 1)."""
     v, by_x, by_y = patch.normal, patch.normal_from_x, patch.normal_from_y
     v_u = v[0] + by_x[0] * x + by_y[0] * y
     v_v = v[1] + by_x[1] * x + by_y[1] * y

@@ -1,4 +1,4 @@
-"""Bounds of a textured plane round one place on it, where a steep texture may fold it elsewhere."""
+"""Bounds of a textured plane around one of its points, where a steep texture may fold it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from asperity.contact.narrow_phase.surface_patch import PLANAR
 
 @small_kernel
 def over_box(textures, patch, x, y, half_x, half_y):
-    """Return the `TextureBounds` of a textured plane over a box, but for its highest point."""
+    """Return the `TextureBounds` of a textured plane over a box, without its highest point."""
     radius = math.sqrt(half_x * half_x + half_y * half_y)
     normal = plane_normal(patch, x, y, radius)
     slopes = plane_slopes(textures, patch, (x, y, half_x, half_y), normal[4], normal[5])
@@ -32,7 +32,7 @@ def largest_slope(textures, patch, box, normal_slope, normal_bend):
 
 @small_kernel
 def _least_stretch(point):
-    """Return how far a surface's place in (u, v) moves at least, by a unit of its parameters."""
+    """Return the least derivative of a surface's (u, v) along unit directions of its parameters."""
     a, b, c, d = point.p_x[0], point.p_y[0], point.p_x[1], point.p_y[1]
     # The smaller singular value of the Jacobian.
     return abs(a * d - b * c) / math.sqrt(a * a + b * b + c * c + d * d)
@@ -40,7 +40,7 @@ def _least_stretch(point):
 
 @small_kernel
 def _height_of(patch, x, y, point):
-    """Return how high a point of a displaced plane lies over its base at (x, y), along w [m]."""
+    """Return the height of a displaced plane's point over its base at (x, y), along w [m]."""
     by_x, by_y, square, along = patch.normal_from_x, patch.normal_from_y, 0.0, 0.0
     for k in range(3):
         by_1, by_2 = patch.slope[0], patch.slope[1]
@@ -54,14 +54,14 @@ def _height_of(patch, x, y, point):
 
 @inner_kernel
 def nearby(textures, other, travel, highest, search):
-    """Return bounds of the other's texture round the place under the centre, and its stretch.
+    """Return bounds of the other's texture around the point under the centre, and its stretch.
 
-    They hold for all places under the box if no other sheet of the surface lies above: they are
-    `travel` at most from the centre's in (u, v), and none is higher than `highest` over its base.
-    The Jacobian changes little on the way there, so that places do not coincide (as in
-    Kantorovich's theorem), where the slope alone, which may lean to any side, does not rule out
-    a fold. The stretch, how far places move at least where parameters move by 1, is 0 if it does
-    change. The third result is the distance of the places by the other's parameters, at most.
+    They hold for all points under the box if no other sheet is above: the points are within
+    `travel` of the centre's in (u, v), and none is higher than `highest` over its base. If the
+    Jacobian changes little on the way, no two points coincide (as in Kantorovich's theorem), where
+    the slope alone does not rule out a fold. The stretch is the least singular value of the
+    Jacobian, 0 if it changes too much. The third result bounds the points' distance in the other's
+    parameters.
     """
     at, point = search.at, search.other_surface
     stretch, found = _least_stretch(point), textures.maps[other.texture]
@@ -69,7 +69,7 @@ def nearby(textures, other, travel, highest, search):
     if not stretch > 0.0:
         return over, 0.0, np.inf
     own = 2.0 * travel / stretch
-    # Places of points between the centre's sheet and the highest one.
+    # Base points of points between the centre's sheet and the highest one.
     slope = largest_slope(
         textures, other, (at.other_x, at.other_y, own, own), other.normal_slope, other.normal_bend
     )

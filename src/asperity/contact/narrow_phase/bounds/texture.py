@@ -29,7 +29,7 @@ class TextureBounds(NamedTuple):
     """
 
     top: float
-    """Largest t [m]; -inf where the box lies beyond the patch."""
+    """Largest t [m]; -inf if the box is beyond the patch."""
     slope: float
     """Largest |t'|."""
     bend: float
@@ -41,7 +41,7 @@ class TextureBounds(NamedTuple):
     normal_v: float
     normal_z: float
     normal_change: float
-    """How much w changes over the box."""
+    """Bound of the change of w over the box."""
     normal_slope: float
     """Largest |w'| [1/m]."""
     normal_bend: float
@@ -87,7 +87,7 @@ def roots_over(patch, x, y, radius):
 
 @small_kernel
 def planar_slopes(textures, patch, x, y, half_x, half_y):
-    """Return |t'|, t'' and |t''| at most, over a box of a plane patch with a planar map."""
+    """Return upper bounds of |t'|, t'' and |t''| over a box of a plane patch with a planar map."""
     k, speed = patch.texture, patch.map_max
     u0, u1, v0, v1 = on_texture(patch, x, y, half_x, half_y)
     slope, bend = slope_bounds(textures, k, u0, u1, v0, v1)
@@ -97,7 +97,7 @@ def planar_slopes(textures, patch, x, y, half_x, half_y):
 
 @small_kernel
 def plane_slopes(textures, patch, box, normal_slope, normal_bend):
-    """Return |t'|, t'' and |t''| at most, over a box (x, y, half_x, half_y) of a plane patch.
+    """Return upper bounds of |t'|, t'' and |t''| over a box (x, y, half_x, half_y) of a plane.
 
     `normal_slope` and `normal_bend` bound |w'| and |w''|, by which a triplanar map's weights vary.
     """
@@ -117,7 +117,7 @@ def plane_slopes(textures, patch, box, normal_slope, normal_bend):
 
 @small_kernel
 def _curved_normal(patch, x, y, radius, min_root):
-    """Do `plane_normal` for a curved patch, whose root is `min_root` at least (-1: beyond it)."""
+    """Return `plane_normal` of a curved patch with the least root `min_root` (-1: beyond it)."""
     low = max(min_root, 0.5 * patch.min_root)
     w1 = patch.aspect * math.sqrt(patch.ellipse_max) / low
     w2 = patch.aspect * (patch.ellipse_max / (low * low * low))
@@ -197,7 +197,7 @@ def texture_over(textures, patch, x0, x1, y0, y1):
 
 @small_kernel
 def _over_cylinder(textures, patch, box, least, most):
-    """Return t, |t'| and t'' at most by texture coordinates, over a box of a cylindrical map.
+    """Return upper bounds of t, |t'| and t'' in texture coordinates, for a cylindrical map.
 
     `least` and `most` bound the root.
     """
@@ -218,7 +218,7 @@ def _over_cylinder(textures, patch, box, least, most):
 
 @small_kernel
 def _over_maps(textures, patch, box, least, most):
-    """Return t, |t'| and t'' at most by texture coordinates, over a box of one or three maps.
+    """Return upper bounds of t, |t'| and t'' in texture coordinates, for one or three maps.
 
     `box` is (x, y, half_x, half_y); `least` and `most` bound the root.
     """

@@ -6,8 +6,8 @@ weights of the others,
 
     t <= top_m + sum over i != m of a_i max(top_i - top_m, 0),
 
-and likewise for slopes and second derivatives. Over a facet whose normals stay near an axis the
-weights of the other maps and the derivatives of all weights are small.
+and likewise for slopes and second derivatives. Over a facet with normals near an axis the weights
+of the other maps and the derivatives of all weights are small.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from asperity.texture.highest import texture_top
 from asperity.texture.packed import slope_bounds
 
 MIX_1, MIX_2, MIX_3 = 4.2, 14.0, 136.0
-"""Largest sums over i, anywhere on the sphere, of the sizes of the first three derivatives of the
+"""Largest sums over i, on the whole sphere, of the sizes of the first three derivatives of the
 weights a_i by the unit normal along one direction."""
 _SMALL_WEIGHT = 1e-2
-"""Weight below which a map is bounded by the bound of the whole texture."""
+"""Weight below which a map has the bound of the whole texture."""
 
 
 @small_kernel
@@ -58,7 +58,7 @@ def _share(patch, i, low, x, y, half_x, half_y):
     """Return the largest weight of a map where the normal's component of another is >= `low`."""
     _, most = _component(patch, i, x, y, half_x, half_y)
     most, low = most**4, low**4
-    # As small a weight is left out by `height_on`.
+    # `height_on` ignores so small a weight.
     if patch.is_unit and most < 1e-12:
         return 0.0
     return most / (most + low) if most > 0.0 else 0.0
