@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from asperity.texture.sampled_map import SampledMap
 
 FRICTION_MAP = np.dtype([("map", "i8"), ("scale", "f8", 2), ("shift", "f8", 2)], align=True)
-"""Number of a surface's map of friction among the textures, -1 for none; and the place on it,
-`scale` times the place on the map that the surface is laid by, plus `shift` [m]."""
+"""Number of a surface's friction map among the textures, -1 for none. Its coordinates are `scale`
+times those of the map that defines the surface's mapping, plus `shift` [m]."""
 
 
 @by_reference
@@ -48,28 +48,29 @@ class Geometry(NamedTuple):
     mapping: NDArray[np.int64]
     """Index of each surface's texture mapping in `geometry.bodies.MAPPINGS`, (surfaces,)."""
     origin: NDArray[np.float64]
-    """Where (u, v) = (0, 0) of the texture lies in the body's frame [m], (surfaces, 3); without a
-    texture, of the map of stiffness or of friction."""
+    """Point (u, v) = (0, 0) of the texture in the body's frame [m], (surfaces, 3); without a
+    texture, that of the stiffness or friction map."""
     rms_slope: NDArray[np.float64]
     """Rms slope of each surface's texture [-], 0 without one; (surfaces,)."""
     texture_size: NDArray[np.float64]
     """Largest height or depth of each surface's texture [m], 0 without one; (surfaces,)."""
     friction: NDArray[np.float64]
-    """Coulomb's coefficient of each surface [-], nan for a map or that of the force law;
+    """Coulomb's coefficient of each surface [-], nan if it is given by a map or the force law;
     (surfaces,)."""
     friction_map: NDArray[np.void]
     """`FRICTION_MAP` records, (surfaces,)."""
     stiffness: NDArray[np.float64]
-    """Of contact with each surface [N/m], nan for a map or that of the force law; (surfaces,)."""
+    """Contact stiffness of each surface [N/m], nan if it is given by a map or the force law;
+    (surfaces,)."""
     stiffness_map: NDArray[np.int64]
-    """Number of each surface's map of stiffness among the textures, which has minus the compliance
-    [m/N] in the place of heights; -1 for none, (surfaces,)."""
+    """Number of each surface's stiffness map among the textures, whose heights are minus the
+    compliance [m/N]; -1 for none, (surfaces,)."""
     around: NDArray[np.float64]
-    """Factor by which a cylindrical map is stretched to fit a whole number of times, (geoms,)."""
+    """Factor by which a cylindrical map is stretched to a whole number of periods, (geoms,)."""
     friction_around: NDArray[np.float64]
-    """That factor for the map of friction over `around`, (geoms,)."""
+    """The same factor for the friction map, over `around`, (geoms,)."""
     covered: NDArray[np.int64]
-    """Faces that another geom of the same rigid body covers, a bit each; see `covered_faces`."""
+    """Faces covered by another geom of the same rigid body, one bit each; see `covered_faces`."""
 
     def smooth(self) -> Geometry:
         """Return the geoms without textures."""
@@ -106,7 +107,7 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
         _of_textures(dict(enumerate(textures.maps["max_abs_surface"])), texture),
         _values([None if isinstance(s.friction, FrictionMap) else s.friction for s in surfaces]),
         _friction_maps(surfaces, owners, {id(f): first + k for k, f in enumerate(frictions)}),
-        _values([_one_stiffness(surface) for surface in surfaces]),
+        _values([_uniform_stiffness(surface) for surface in surfaces]),
         np.array([soft_places.get(id(s.stiffness), -1) for s in surfaces], dtype=np.int64),
         around,
         np.array([_around(s, s.friction_map, g) for s, g in laid]) / around,
@@ -116,7 +117,7 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
 
 
 def _surfaces_of(bodies: Sequence[Body]) -> tuple[list[Surface], list[Body], list[int]]:
-    """Return the surfaces of bodies, the body of each, and the number of that of each geom."""
+    """Return the surfaces of bodies, the body of each, and the surface's number for each geom."""
     surfaces: list[Surface] = []
     owners: list[Body] = []
     numbers: list[int] = []
@@ -134,19 +135,19 @@ def _surfaces_of(bodies: Sequence[Body]) -> tuple[list[Surface], list[Body], lis
 
 
 def _is_rough(texture: HeightField) -> bool:
-    """Return whether a texture has any height but 0."""
+    """Return whether a texture has a height other than 0."""
     return bool(texture.lowest or texture.highest)
 
 
 def _varies(surface: Surface) -> bool:
-    """Return whether the stiffness of a surface differs from place to place."""
+    """Return whether the stiffness varies over a surface."""
     found = surface.stiffness_map
     # A cylindrical map covers the sides alone.
     return found is not None and (surface.mapping == "cylindrical" or found.lowest < found.highest)
 
 
-def _one_stiffness(surface: Surface) -> float | None:
-    """Return the stiffness of a surface, if it is the same all over."""
+def _uniform_stiffness(surface: Surface) -> float | None:
+    """Return the stiffness of a surface if it is uniform."""
     found = surface.stiffness_map
     if found is None:
         return surface.stiffness  # type: ignore[return-value]
@@ -154,14 +155,14 @@ def _one_stiffness(surface: Surface) -> float | None:
 
 
 def _origin(surface: Surface) -> list[float]:
-    """Return where (u, v) = (0, 0) of a surface's map lies in the body's frame (3,) [m]."""
+    """Return the point (u, v) = (0, 0) of a surface's map in the body's frame (3,) [m]."""
     return [*map_origin(surface.laid_map, surface.offset).tolist(), 0.0]
 
 
 def _rms_slope(textures: PackedTextures, number: int) -> float:
     """Return the rms slope of a texture [-].
 
-    The slopes are the largest of each of the smallest blocks, whatever steps a few of these have.
+    It is the rms of the largest slopes in the smallest blocks, so that a few steps hardly matter.
     """
     finest = textures.levels[textures.maps[number]["first_level"]]
     slopes = textures.bounds["slope"][finest["first"] :][: finest["rows"] * finest["columns"]]
@@ -212,7 +213,7 @@ def _around(surface: Surface, laid: SampledMap | None, geom: Geom) -> float:
 
 @small_kernel
 def pair_friction(a, b, usual):
-    """Return Coulomb's coefficient between surfaces of two: the larger, `usual` if none has any."""
+    """Return Coulomb's coefficient between two surfaces: the larger, `usual` if neither has one."""
     if a != a:
         a = b
     elif b == b:
@@ -222,7 +223,7 @@ def pair_friction(a, b, usual):
 
 @small_kernel
 def pair_stiffness(a, b, usual):
-    """Return the stiffness of two surfaces in series [N/m], `usual` if none has any."""
+    """Return the stiffness of two surfaces in series [N/m], `usual` if neither has one."""
     if a != a:
         a = b
     elif b == b:

@@ -1,4 +1,4 @@
-"""Contact of one body, the tool, with bodies that do not move against each other."""
+"""Contact of one body, the tool, with bodies that do not move relative to each other."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ from asperity.geometry.poses import rotation_of
 from asperity.texture.packed import PackedTextures
 
 MAX_PATCHES = 32
-"""Room for patches of contact between geoms."""
+"""Maximum number of patches of contact between geoms."""
 MAX_PAIRS = 512
-"""Room for pairs of geoms."""
+"""Maximum number of pairs of geoms."""
 
 
 class BodyArrays(NamedTuple):
@@ -72,11 +72,11 @@ class BodyArrays(NamedTuple):
     is_mesh: NDArray[np.bool_]
     """(bodies,)"""
     with_stiffness_map: dict[int, str]
-    """Names of the bodies with a map of stiffness, by their numbers."""
+    """Names of the bodies with a stiffness map, by their numbers."""
 
 
 def body_arrays(bodies: Sequence[Body], collider: Collider, group: NDArray[np.int64]) -> BodyArrays:
-    """Return the arrays of some bodies; those of one `group` do not move against each other."""
+    """Return the arrays of some bodies; those of one `group` are rigidly connected."""
     textures, geometry = flatten_bodies(bodies)
     geometry = geometry._replace(covered=covered_faces(geometry, collider.frames, group))
     is_mesh = np.array([body.mesh is not None for body in bodies])
@@ -89,7 +89,7 @@ def body_arrays(bodies: Sequence[Body], collider: Collider, group: NDArray[np.in
 
 
 class BodyContact:
-    """Contact of one body with others, whose poses are those of the model's first pose.
+    """Contact of one body with others, which stay in the model's first pose.
 
     Parameters
     ----------
@@ -97,26 +97,26 @@ class BodyContact:
     tool : int
         Number of the body that moves.
     others : sequence of int
-        Numbers of the bodies that it may touch. They do not move against each other.
+        Numbers of the bodies that it may touch. They do not move relative to each other.
     settings : ForceSettings
     room : SearchRoom, optional
-        Memory of the search, which solvers that work in turn may share; by default new.
+        Scratch memory of the search, which solvers that run in turn may share; by default new.
 
     Attributes
     ----------
     contacts : Contacts
-        The contacts of the last pose, in arrays that are used again; only the first
+        The contacts of the last pose, in arrays that the next call overwrites; only the first
         `contacts.count[0]` rows are valid.
     centre : (3,) array
         The tool's centre of mass in its own frame [m].
     by_facets : (bodies,) array of int
-        Whether contact of the tool with a body is between facets: where either is a mesh.
+        Whether contact of the tool with a body is between facets: if either is a mesh.
 
     Raises
     ------
     AsperityError
-        A mesh, or a map of stiffness, is involved and `settings` has another law than
-        "otaduy-lin" or another gradient than "exact"; or both of two bodies have such a map.
+        A mesh or a stiffness map is involved and `settings` has another law than "otaduy-lin" or
+        another gradient than "exact"; or both of two bodies have a stiffness map.
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class BodyContact:
         self._is_cut_short = self._space.search["is_cut_short"]
         most_patches = MAX_PATCHES if self._mesh is None else MAX_PATCHES + MAX_MESH_PATCHES
         self.contacts: Contacts = empty_contacts(most_patches)
-        # The kernels look up the types of their arguments at the first call only.
+        # The types of a kernel's arguments are looked up at the first call only.
         self._pose, self._out = np.zeros(7), Output(self.contacts, np.zeros(6))
         self._tick, self._mesh_tick = Repeated(tick), Repeated(mesh_tick)
         self._derivatives = Repeated(contact_stiffness)
@@ -174,12 +174,12 @@ class BodyContact:
         """Forget all contacts, their bristles, and the noise of Siira & Pai."""
         if self._mesh is not None:
             forget(self._mesh.memory)
-        # The generator counts up from here: seeds must not begin a few steps apart.
+        # The generator counts up from here: seeds must not start a few steps apart.
         forget_geoms(self._memory, np.random.default_rng(self.settings.seed).integers(2**48).item())
         self.contacts.count[:] = 0
 
     def leave(self, dt: float) -> None:
-        """Note that the tool touches nothing; with `dt` 0 nothing is remembered of that."""
+        """Set the state of a tool without contact; with `dt` 0 the memory is not changed."""
         self.contacts.count[:] = 0
         self._out.wrench[:] = 0.0
         if dt > 0.0 and (self._mesh is None or self._mesh.memory.has_frame[0] == 1):
@@ -188,15 +188,15 @@ class BodyContact:
             self._memory.state["has_frame"] = self._memory.state["last_patches"] = 0
 
     def turn_to_world(self, turn: NDArray[np.float64], move: NDArray[np.float64]) -> None:
-        """Turn what is known of the last pose from the bodies' first poses to the present ones.
+        """Transform the results of the last pose from the bodies' first to their current poses.
 
-        `turn` (3, 3) and `move` (3,) lead from the one to the other.
+        `turn` (3, 3) and `move` (3,) are the rotation and translation from first to current pose.
         """
         contacts, count = self.contacts, int(self.contacts.count[0])
         for vectors in (contacts.normal, contacts.slope_normal, contacts.force, contacts.point):
             vectors[:count] = vectors[:count] @ turn.T
         contacts.point[:count] += move
-        # The stiffness is that about the centre of mass, which is all that the pose is kept for.
+        # The pose is kept only for the centre of mass, about which the stiffness is.
         arm = turn @ rotation_of(self._pose[3:]) @ self.centre
         self._pose[:3] = turn @ self._pose[:3] + move
         self._pose[3:] = [1.0, 0.0, 0.0, 0.0]
@@ -204,7 +204,7 @@ class BodyContact:
 
     @property
     def in_contact(self) -> NDArray[np.bool_] | None:
-        """Bodies that candidates need not contain, (bodies,)."""
+        """Whether candidates of each body may be omitted, (bodies,)."""
         return None if self._mesh is None else self._mesh.memory.in_contact
 
     def wrench_at(
@@ -215,14 +215,14 @@ class BodyContact:
         all_candidates: Callable[[], Candidates],
         seconds: float = math.inf,
     ) -> NDArray[np.float64]:
-        """Return the wrench (6,) on the tool at a pose, among the bodies at the first pose.
+        """Return the wrench (6,) on the tool at a pose, with the bodies in the first pose.
 
         Parameters
         ----------
         candidates : Candidates
-            Pairs of geoms that may touch. Those of the bodies `in_contact` may be left out.
+            Pairs of geoms that may touch. Those of the bodies `in_contact` may be omitted.
         all_candidates : callable
-            Returns those too; it is called if the tool has jumped.
+            Returns the candidates of all bodies; it is called if the tool has jumped.
         pose, dt, seconds
             See `ContactSolver.wrench`.
         """
@@ -245,10 +245,7 @@ class BodyContact:
         wrench_out: NDArray[np.float64],
         certified_out: NDArray[np.bool_],
     ) -> None:
-        """Fill wrenches (n, 6) of poses (n, 7) that have nothing to do with each other.
-
-        And whether all depths of each are certified, (n,).
-        """
+        """Fill wrenches (n, 6) and certificates (n,) of independent poses (n, 7)."""
         self.reset()
         first = np.zeros(len(poses) + 1, np.int64)
         if self._mesh is None:
@@ -284,7 +281,7 @@ class BodyContact:
 
     @property
     def was_cut(self) -> bool:
-        """Whether the time limit ended a search of the last pose."""
+        """Whether a search of the last pose ended at the time limit."""
         return bool(self._is_cut_short[0])
 
     @property
@@ -303,7 +300,7 @@ class BodyContact:
         -------
         (6, 6) array
             About the tool's centre of mass, world axes [N/m, N/rad; N, N m/rad]; symmetric and
-            positive semidefinite but for friction; see `response.stiffness`.
+            positive semidefinite without friction; see `response.stiffness`.
         """
         return self.derivatives().stiffness
 
@@ -312,14 +309,14 @@ class BodyContact:
         return self.derivatives().damping
 
     def derivatives(self, motion: SlipMotion = AT_REST) -> ContactDerivatives:
-        """Return how the last wrench changes with pose and velocity, after a motion."""
+        """Return the derivatives of the last wrench by pose and velocity, after a motion."""
         out = ContactDerivatives(np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
         self._derivatives(self.contacts, self._pose, self.centre, self._law.parameters, motion, out)
         return out
 
 
 class _MeshSide(NamedTuple):
-    """What contact with meshes needs in addition."""
+    """Model and memory of contact with meshes."""
 
     model: MeshModel
     memory: MeshMemory
@@ -327,7 +324,7 @@ class _MeshSide(NamedTuple):
 
 
 def _scene_model(arrays: BodyArrays, tool: int, others: Sequence[int]) -> SceneModel:
-    """Return the bodies of a solver; geoms of bodies that are not in it have no number."""
+    """Return the bodies of a solver; geoms of other bodies have the number -1."""
     number, is_in = arrays.geom_number.copy(), np.isin(arrays.geometry.body, [tool, *others])
     number[(number >= 0) & ~is_in[number]] = -1
     return SceneModel(
@@ -336,7 +333,7 @@ def _scene_model(arrays: BodyArrays, tool: int, others: Sequence[int]) -> SceneM
 
 
 def _without_meshes(scene: SceneModel, by_facets: NDArray[np.int64]) -> SceneModel:
-    """Return the scene without the geoms of bodies that the tool meets facet by facet."""
+    """Return the scene without the geoms of bodies whose contact is between facets."""
     number = scene.geom_number.copy()
     number[(number >= 0) & (by_facets[scene.geometry.body[number]] == 1)] = -1
     return scene._replace(geom_number=number)
@@ -345,7 +342,7 @@ def _without_meshes(scene: SceneModel, by_facets: NDArray[np.int64]) -> SceneMod
 def _mesh_side(
     arrays: BodyArrays, scene: SceneModel, by_facets: NDArray[np.int64], room: SearchRoom
 ) -> _MeshSide | None:
-    """Return what contact with meshes needs, None if no mesh is involved."""
+    """Return model and memory of contact with meshes, None if no mesh is involved."""
     if arrays.facets is None or room.facets is None or not by_facets.any():
         return None
     return _MeshSide(

@@ -34,23 +34,23 @@ class Depth(NamedTuple):
     Attributes
     ----------
     depth : float
-        delta [m], above 0 where the textured bodies overlap; -inf where no part of A is over B
-        along n, or, if it is not certified, where the search ended before it had found any.
+        delta [m], above 0 where the textured bodies overlap; -inf if no part of A is over B along
+        n, or, without a certificate, if the search ended before it found any.
     gradient : (6,) array
-        Derivative of the depth by A's translation [-] and by its rotation about the origin of its
-        frame [m], world axes, with n fixed in B's frame.
+        Derivative of the depth by A's translation [-] and rotation about the origin of its frame
+        [m], world axes, with n fixed in B's frame.
     point : (3,) array
         Deepest point, on A's textured surface, world axes [m].
     slope_normal : (3,) array
         m = n - s_u u - s_v v, the normal of the textured surfaces there, not of unit length.
     gap : float
-        The true depth is at most this much larger [m].
+        Upper bound of the true depth minus `depth` [m].
     certified : bool
         Whether the gap is within the tolerance.
     nodes : int
         Boxes that the search evaluated.
     ties : int
-        Points that are equally deep.
+        Number of equally deep points.
     """
 
     depth: float
@@ -73,7 +73,7 @@ class BodyPair:
     tolerance : float
         Gap at which a depth counts as certified [m], above 0.
     max_nodes : int
-        Most boxes that one search evaluates, 100 to 1e9.
+        Maximum number of boxes that one search evaluates, 100 to 1e9.
 
     Raises
     ------
@@ -120,8 +120,8 @@ class BodyPair:
         normal : (3,)
             n, the unit normal of B's smooth surface towards A, world axes.
         smooth_overlap : float
-            If a body is a mesh: facets whose smooth overlap along the normal of B's facet is
-            below this count [m], above 0. It excludes the far side of a body.
+            If a body is a mesh: upper limit of the smooth overlap of facets along the normal of B's
+            facet [m], above 0. It excludes the far side of a body.
 
         Returns
         -------
@@ -159,7 +159,7 @@ class BodyPair:
             depth_along(self._textures, self._geometry, query, limits, self._space, found)
         out = found[0]
         m = out["slope_normal"].copy()
-        # A contact needs no more than that nothing touches; here the distance is not known.
+        # For a contact it is enough that nothing touches; here the distance matters.
         ended = out["depth"] == -np.inf and self._space.search[0]["upper_bound"] > -np.inf
         return Depth(
             depth=float(out["depth"]),

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from asperity._core.structures import by_reference
 
 NOT_CERTIFIED = 1
-"""Status of a contact that may not be right; see `Contacts`."""
+"""Status of a contact whose depth is not certified; see `Contacts`."""
 NO_ROOM = 2
-"""Status of a contact beside which others were dropped; see `Contacts`."""
+"""Status of a contact at a pose where others were dropped; see `Contacts`."""
 
 
 @by_reference
@@ -23,9 +23,9 @@ class Contacts(NamedTuple):
     """
 
     count: NDArray[np.int64]  # type: ignore[assignment]  # hides tuple.count
-    """Number of contacts; and how many were left out, because there was no room for them, or for
-    pairs of facets, because a search ended that had found nothing yet, or because the tool is where
-    a soft layer does not reach; (2,)."""
+    """Number of contacts, and number of dropped ones: without room for them or for pairs of facets,
+    with a search that ended before it found anything, or where the tool is beyond the range of a
+    soft layer; (2,)."""
     body: NDArray[np.int64]
     """Number of the scene body, (n,)."""
     point: NDArray[np.float64]
@@ -37,7 +37,7 @@ class Contacts(NamedTuple):
     depth: NDArray[np.float64]
     """Penetration depth of the textured surfaces along n [m], (n,)."""
     gap: NDArray[np.float64]
-    """The true depth is at most this much larger [m], (n,)."""
+    """Upper bound of the true depth minus `depth` [m], (n,)."""
     weight: NDArray[np.float64]
     """Stiffness of the contact over that of the force law, (n,)."""
     friction: NDArray[np.float64]
@@ -48,11 +48,11 @@ class Contacts(NamedTuple):
     """Force on the tool [N], (n, 3)."""
     status: NDArray[np.int64]
     """0: certified; 1: the search ended before the gap was within the tolerance, or a soft body is
-    pressed harder than its model allows; 2: some other contact was left out; (n,)."""
+    pressed harder than its model allows; 2: some other contact was dropped; (n,)."""
     nodes: NDArray[np.int64]
     """Boxes that the search evaluated, (n,)."""
     ties: NDArray[np.int64]
-    """Points that are equally deep, (n,)."""
+    """Number of equally deep points, (n,)."""
 
 
 def empty_contacts(count: int) -> Contacts:

@@ -55,14 +55,14 @@ from asperity.geometry.frames import (
 )
 
 _LEVER = 0.01
-"""Length by which rotations of the tool are compared to translations [m]."""
+"""Length that makes rotations of the tool comparable to translations [m]."""
 _LEAST_SHARE = 1e-9
-"""A direction with a smaller share of the way out is no contact."""
+"""Least share in the way out of a direction that is a contact."""
 
 
 @inner_kernel
 def _search(model, parameters, grid, i, stretch, centre, memory, workspace):
-    """Fill the depth along separation `i`; `stretch` is how far its face reaches over its edges."""
+    """Fill the depth along separation `i`; its face is extended by `stretch` beyond its edges."""
     found, result = memory.separations[i], memory.results[i]
     shape = model.geometry
     body = shape.body[found.geom_b]
@@ -102,9 +102,9 @@ def _search(model, parameters, grid, i, stretch, centre, memory, workspace):
 
 @inner_kernel
 def _search_part(model, parameters, grid, first, past, centre, memory, workspace):
-    """Fill the depths of one part's separations, those with the least separation first.
+    """Fill the depths of one part's separations, in the order of their gaps.
 
-    Returns whether the part touches. Depths of separations that do not count are -inf.
+    Returns whether the part touches. Separations without weight get a depth of -inf.
     """
     rows, least = memory.separations, np.inf
     if past == first + 1:
@@ -132,10 +132,10 @@ def _search_part(model, parameters, grid, first, past, centre, memory, workspace
 
 @inner_kernel
 def _merge_bodies(memory, kept, i):
-    """Merge the only direction of a part with the same one of another body; return whether it did.
+    """Merge the only direction of a part with that of another body; return whether there is one.
 
-    Of bodies that lie side by side the deepest counts, as of the geoms of one body; of two that are
-    equally deep and have the same friction and stiffness, both.
+    Of bodies side by side the deepest counts, as of the geoms of one body. Two that are equally
+    deep with equal friction and stiffness both count.
     """
     rows, found, result = memory.separations, memory.separations[i], memory.results[i]
     for j in range(kept):
@@ -167,7 +167,7 @@ def _merge_bodies(memory, kept, i):
 
 @inner_kernel
 def _search_parts(model, parameters, grid, centre, memory, workspace):
-    """Search all parts; keep the separations of those that touch, in front."""
+    """Search all parts; move the separations of those that touch to the front."""
     kept = parts = first = np.int64(0)
     used = memory.state[0].separations
     while first < used:
@@ -247,7 +247,7 @@ def _add_contact(model, parameters, point_law, i, motion, memory, workspace, out
 def _add_rest(stiffness, way_out, rates, memory, out):
     """Add the parts of the wrench that belong to no contact.
 
-    They are due to directions that turn with the tool, to how directions come and go, and to
+    They are due to directions that turn with the tool, to the shares of directions, and to
     directions with a negative weight. `rates` (6,) is the derivative of the way out by the tool's
     motion with all depths fixed. The force is added to that of the contact with the largest weight.
     """
@@ -274,7 +274,7 @@ def _add_rest(stiffness, way_out, rates, memory, out):
 
 @inner_kernel
 def _add_contacts(model, parameters, point_law, motion, memory, workspace, out):
-    """Add the contacts of all separations that have a share in the way out, and their wrench."""
+    """Add the contacts of all separations with a share in the way out, and their wrench."""
     state, rates = memory.state[0], stack_array((6,))
     rows, used = memory.separations, state.separations
     way_out = fill_potential(rows, used, state.parts, _LEVER, memory.ways, rates)
@@ -294,8 +294,7 @@ def _add_contacts(model, parameters, point_law, motion, memory, workspace, out):
 def _tick(model, parameters, grid, point_law, query, memory, workspace, out):
     """Fill the contacts and the wrench of one pose; see `tick`.
 
-    `grid` and `point_law` are arguments, so that Numba leaves out what belongs to them where they
-    are None.
+    `grid` and `point_law` are arguments, so that Numba omits their branches where they are None.
     """
     centre, tool_frame = stack_array((3,)), model.frames[model.tool]
     state, contacts, smooth = memory.state[0], out.contacts, model
@@ -336,5 +335,5 @@ def tick(model, law, query, memory, workspace, out):
         Of the search.
     out : Output
     """
-    # The work is in an inner kernel, in which references are not counted.
+    # In an inner kernel Numba does not count references.
     _tick(model, law.parameters, law.grid, law.point, query, memory, workspace, out)

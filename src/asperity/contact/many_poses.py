@@ -1,4 +1,4 @@
-"""Compiled loops over many poses that have nothing to do with each other."""
+"""Compiled loops over many independent poses."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from asperity.geometry.frames import fill_tool_frame
 
 @by_reference
 class PoseBatch(NamedTuple):
-    """Poses, their candidates, and room for what is found."""
+    """Poses, their candidates, and arrays for the results."""
 
     poses: NDArray[np.float64]
     """(n, 7)."""
     first: NDArray[np.int64]
     """Row of each pose's first candidate, and the end of the last; (n + 1,)."""
     candidates: Candidates
-    """Those of all poses in a row."""
+    """Those of all poses, concatenated."""
     wrench: NDArray[np.float64]
     """(n, 6)."""
     certified: NDArray[np.bool_]
@@ -35,7 +35,7 @@ class PoseBatch(NamedTuple):
 
 @inner_kernel
 def _is_certified(contacts):
-    """Return whether all depths of a pose are."""
+    """Return whether all depths of a pose are certified."""
     is_certified = contacts.count[1] == 0
     for c in range(contacts.count[0]):
         is_certified = is_certified and contacts.status[c] == 0
@@ -46,7 +46,7 @@ def _is_certified(contacts):
 def solve_geoms(model, pairs, law, batch, memory, workspace, contacts):
     """Fill wrenches and certificates of a batch of poses among geoms.
 
-    `pairs` is a `GeomPairs`; the candidates of the batch are room for as many.
+    `pairs` is a `GeomPairs`; the candidates of the batch are scratch memory for as many.
     """
     near, centre = batch.candidates, np.zeros(3)
     for i in range(batch.poses.shape[0]):

@@ -28,18 +28,18 @@ from asperity.contact.response.contact_forces import (
 )
 from asperity.geometry.frames import fill_relative_frame, fill_tool_frame
 
-_SAME_DEPTH, _SAME_PLACE = 1e-9, 1e-9
-"""Relative difference of depths, and of places [m], up to which two deepest points are one."""
+_SAME_DEPTH, _SAME_POINT = 1e-9, 1e-9
+"""Relative difference of depths, and distance [m], up to which two deepest points are one."""
 _JUMP = 1e-2
-"""A tool that moves farther than this in one tick has been placed elsewhere [m]."""
+"""Motion in one tick above which the tool has been placed elsewhere [m]."""
 
 
 @inner_kernel
 def _forget_contacts(memory):
     """Forget the contacts of a tool that has jumped.
 
-    Returns whether MuJoCo's candidates are missing for some body, because there was contact with
-    it; then nothing else is forgotten.
+    Returns whether MuJoCo's candidates are missing for a body that was in contact; then only
+    `in_contact` is cleared.
     """
     missing = False
     for b in range(memory.known.size):
@@ -100,50 +100,50 @@ def _fill_manifold(model, parameters, query, motion, step, memory, space, worksp
 
 @inner_kernel
 def _clear_patch(memory, patch):
-    """Forget bristle and deepest point of a patch that does not count."""
+    """Forget bristle and deepest point of a patch without weight."""
     for k in range(3):
         memory.bristle[patch.body, patch.direction, patch.part, k] = 0.0
         memory.guess[patch.body, patch.direction, patch.part, k] = np.nan
 
 
 @inner_kernel
-def _is_same(manifold, p, q):
-    """Return whether two patches of a body's direction have their deepest point in common."""
+def _is_same_point(manifold, p, q):
+    """Return whether two patches are of one body and direction, with the same deepest point."""
     one, other = manifold.patches[p], manifold.patches[q]
     if one.body != other.body or one.direction != other.direction:
         return False
     found, known = manifold.result[p], manifold.result[q]
     same = abs(found.depth - known.depth) <= _SAME_DEPTH * abs(known.depth)
     for k in range(3):
-        same = same and abs(found.point[k] - known.point[k]) <= _SAME_PLACE
+        same = same and abs(found.point[k] - known.point[k]) <= _SAME_POINT
     return same
 
 
 @inner_kernel
 def _is_added(manifold, p):
-    """Return whether a patch before `p` has its deepest point: then they are one contact."""
+    """Return whether a patch before `p` has the same deepest point: they are one contact."""
     is_added = False
     for q in range(p - manifold.patches[p].part, p):
-        is_added = is_added or _is_same(manifold, p, q)
+        is_added = is_added or _is_same_point(manifold, p, q)
     return is_added
 
 
 @inner_kernel
 def _past_region(manifold, p):
-    """Return the number after the last patch that may be of the region of patch `p`."""
+    """Return one past the last patch that may belong to the region of patch `p`."""
     return min(p - manifold.patches[p].part + MAX_PARTS, manifold.count[0].patches)
 
 
 @inner_kernel
 def _fill_shared(manifold, memory, p, deflection_out):
-    """Return the weight of all patches with the deepest point of `p`, the first of them.
+    """Return the total weight of the patches with the deepest point of `p`, the first of them.
 
     Fills the mean deflection of their bristles (3,).
     """
     share = 0.0
     clear(deflection_out)
     for q in range(p, _past_region(manifold, p)):
-        if _is_same(manifold, p, q):
+        if _is_same_point(manifold, p, q):
             patch = manifold.patches[q]
             share += patch.weight
             for k in range(3):
@@ -155,10 +155,10 @@ def _fill_shared(manifold, memory, p, deflection_out):
 
 
 @inner_kernel
-def _keep_shared(manifold, memory, p, deflection):
+def _store_shared(manifold, memory, p, deflection):
     """Store bristle and deepest point of all patches with the deepest point of `p`."""
     for q in range(p, _past_region(manifold, p)):
-        if _is_same(manifold, p, q):
+        if _is_same_point(manifold, p, q):
             patch = manifold.patches[q]
             for k in range(3):
                 memory.bristle[patch.body, patch.direction, patch.part, k] = deflection[k]
@@ -198,7 +198,7 @@ def _add_contact(scene, parameters, query, p, motion, memory, space, out):
     bristle = Bristle(deflection, stiffness, friction)
     add_friction(out, c, result.point, scene.frames[b], bristle, motion)
     if query.dt > 0.0:
-        _keep_shared(manifold, memory, p, deflection)
+        _store_shared(manifold, memory, p, deflection)
 
 
 @inner_kernel
@@ -238,7 +238,7 @@ def _mesh_tick(model, parameters, query, memory, space, workspace, out):
     if known:
         step = largest_displacement(model.facets, scene.tool, memory.frame, tool_frame)
     if step > _JUMP and query.dt == 0.0:
-        step = _JUMP  # nothing may be forgotten
+        step = _JUMP  # the memory may not be changed
     if step > _JUMP:
         known, step = False, 0.0
         if _forget_contacts(memory):
@@ -261,18 +261,18 @@ def _mesh_tick(model, parameters, query, memory, space, workspace, out):
 
 @kernel
 def mesh_tick(model, parameters, query, memory, space, workspace, out):
-    """Add the contacts and the wrench of the tool with all bodies it meets facet by facet.
+    """Add the contacts and the wrench of the tool with all bodies in contact by facets.
 
     Parameters
     ----------
     model : MeshModel
     parameters : ForceParameters
     query : Query
-        Candidates of bodies that are `memory.in_contact` may be left out.
+        Candidates of bodies that are `memory.in_contact` may be omitted.
     memory : MeshMemory
         Changed if `query.dt` is above 0.
     space : FacetSpace
-        Memory of contact between facets.
+        Scratch memory of contact between facets.
     workspace : Workspace
         Of the search.
     out : Output
@@ -281,8 +281,8 @@ def mesh_tick(model, parameters, query, memory, space, workspace, out):
     Returns
     -------
     bool
-        Whether the candidates that were left out are needed, since the tool has jumped. Then
-        nothing has been added.
+        Whether the omitted candidates are needed, since the tool has jumped. Then nothing has been
+        added.
     """
-    # The work is in an inner kernel, in which references are not counted.
+    # In an inner kernel Numba does not count references.
     return _mesh_tick(model, parameters, query, memory, space, workspace, out)

@@ -1,4 +1,4 @@
-"""Contact between all bodies of a model that can move against each other."""
+"""Contact between all bodies of a model that can move relative to each other."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from asperity.geometry.bodies import Body
 from asperity.geometry.poses import rotation_of
 
 _RIGID = 1e-6
-"""How far the poses of bodies that do not move against each other may differ from that [m, rad]."""
+"""Tolerance of the relative poses of rigidly connected bodies [m, rad]."""
 
 
 class PairContact(NamedTuple):
-    """Contact of one body with others that do not move against each other."""
+    """Contact of one body with others that do not move relative to each other."""
 
     body: int
     """Number of the body on which the wrench of `contact` acts."""
@@ -40,31 +40,30 @@ class MultibodySolver:
     Parameters
     ----------
     model : mujoco.MjModel
-        Its joints say which bodies can move against each other, and its collision filters which
+        Its joints define which bodies can move relative to each other, its collision filters which
         may touch. The model is not changed.
     bodies : sequence of Body
         The bodies of the model with their textures, in any order; the geoms of each in the order
-        of the model. Bodies of the model that are left out touch nothing.
+        of the model. Other bodies of the model touch nothing.
     settings : ForceSettings, optional
         Force law and its parameters; by default those of `ForceSettings()`.
 
     Attributes
     ----------
     pairs : tuple of PairContact
-        Contacts, stiffness and damping of each body with each group of bodies that do not move
-        against each other.
+        Contacts, stiffness and damping of each body with each group of rigidly connected bodies.
 
     Raises
     ------
     AsperityError
-        A body has not as many geoms as its body in the model, no body moves, or `settings` has a
-        law that contact with meshes does not have.
+        A body's number of geoms differs from that in the model, no body moves, or `settings` has a
+        law that contact with meshes does not support.
 
     Notes
     -----
     The wrench between two groups is minus the gradient of one potential of their relative pose
-    (`response.potential`), so that forces are equal and opposite, and so are torques about one
-    point. `ContactSolver` is the case of one free body among fixed ones.
+    (`response.potential`), so that forces, and torques about one point, are equal and opposite.
+    `ContactSolver` is the case of one free body among fixed ones.
     """
 
     def __init__(
@@ -82,7 +81,7 @@ class MultibodySolver:
         number = arrays.geom_number
         self._numbers = np.where(number >= 0, arrays.geometry.body[number], -1)
         pairs: list[PairContact] = []
-        # Only one pair is searched at a time, and the memory of a search is large.
+        # Pairs are searched in turn, so that they share the large memory of a search.
         room = search_room(arrays.geometry, arrays.facets)
         for one, two in _pairs_of_groups(groups):
             for body in np.flatnonzero(groups == one).tolist():
@@ -112,8 +111,7 @@ class MultibodySolver:
         poses : (bodies, 7)
             Of the bodies' frames: position [m], unit quaternion wxyz; in the order of `bodies`.
         dt : float
-            Time since the last call [s], by which bristles advance. With 0 nothing is remembered
-            of these poses.
+            Time since the last call [s], by which bristles advance; 0 leaves the memory as it is.
 
         Returns
         -------
@@ -123,8 +121,8 @@ class MultibodySolver:
         Raises
         ------
         AsperityError
-            `poses` has another shape, a number is not finite, a quaternion is zero, or it moves
-            bodies against each other that no joint of the model lets move.
+            `poses` has another shape, a number is not finite, a quaternion is zero, or rigidly
+            connected bodies are moved relative to each other.
         """
         given = np.asarray(poses, dtype=np.float64)
         is_whole = given.shape == (len(self._names), 7) and bool(np.isfinite(given).all())
@@ -136,14 +134,14 @@ class MultibodySolver:
         frames = np.empty((len(given), 3, 4))
         frames[:, :, :3] = [rotation_of(q / np.linalg.norm(q)) for q in given[:, 3:]]
         frames[:, :, 3] = given[:, :3]
-        self._refuse_bent(frames)
+        self._require_rigid(frames)
         self._collider.place_all(frames)
         return self.solve_at(frames, self._collider.query(), dt)
 
     def solve_at(
         self, frames: NDArray[np.float64], candidates: Candidates, dt: float
     ) -> NDArray[np.float64]:
-        """Return the wrenches (bodies, 6) at frames (bodies, 3, 4) whose candidates are known."""
+        """Return the wrenches (bodies, 6) at frames (bodies, 3, 4) with these candidates."""
         out = np.zeros((len(frames), 6))
         near = self._near(candidates)
         centres = frames[:, :, 3] + np.einsum("bij,bj->bi", frames[:, :, :3], self._centres)
@@ -161,15 +159,15 @@ class MultibodySolver:
         return out
 
     def _near(self, candidates: Candidates) -> NDArray[np.bool_]:
-        """Return which bodies have candidates with which, (bodies, bodies)."""
+        """Return whether each two bodies have candidates, (bodies, bodies)."""
         near = np.zeros((len(self._names), len(self._names)), bool)
         one, two = self._numbers[candidates.geoms[: candidates.count]].T
         is_known = (one >= 0) & (two >= 0)
         near[one[is_known], two[is_known]] = near[two[is_known], one[is_known]] = True
         return near
 
-    def _refuse_bent(self, frames: NDArray[np.float64]) -> None:
-        """Refuse frames in which bodies of one group are not where they are to each other."""
+    def _require_rigid(self, frames: NDArray[np.float64]) -> None:
+        """Refuse frames that change the relative poses of bodies of one group."""
         for first, *rest in self._groups:
             turn, move = _motion(self._home[first], frames[first])
             for body in rest:
@@ -184,10 +182,10 @@ class MultibodySolver:
 
 
 def _pairs_of_groups(groups: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Return pairs of groups, the one of fewer bodies first, unless neither moves."""
+    """Return pairs of groups, the one of fewer bodies first, the static one last."""
     numbers, sizes = np.unique(groups, return_counts=True)
     order = [int(number) for number in numbers[np.argsort(sizes, kind="stable")]]
-    # What does not move comes last: a body among fixed ones is `ContactSolver`'s case.
+    # A body among static ones is `ContactSolver`'s case.
     order = [number for number in order if number != 0] + [0] * (0 in order)
     return [(one, two) for i, one in enumerate(order) for two in order[i + 1 :]]
 
@@ -211,10 +209,10 @@ def _react(
     contacts: Contacts, wrench: NDArray[np.float64], centre: NDArray[np.float64],
     centres: NDArray[np.float64], out: NDArray[np.float64],
 ) -> None:  # fmt: skip
-    """Subtract from the wrenches `out` (bodies, 6) what acts on the bodies that are touched.
+    """Subtract the reactions on the touched bodies from the wrenches `out` (bodies, 6).
 
-    The force of a contact acts on its own body. What of `wrench`, about `centre`, belongs to no
-    contact acts on the body of the first.
+    The force of a contact acts on its own body. The rest of `wrench`, about `centre`, acts on the
+    body of the first contact.
     """
     count = int(contacts.count[0])
     rest = wrench.copy()

@@ -1,7 +1,6 @@
-"""What a tick works on: the model, the query, the memory, and the output.
+"""Arguments of the compiled ticks: `(model, law, query, memory, workspace, out)`.
 
-The compiled ticks take these as `(model, law, query, memory, workspace, out)`. All arrays are
-allocated once and written to in place.
+All arrays are allocated once and written in place.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ from asperity.contact.response.ways_out import WaysOut, ways_out
 from asperity.texture.packed import PackedTextures
 
 MAX_SEPARATIONS = 256
-"""Room for separations of all pairs, before those that do not count are left out."""
+"""Maximum number of separations of all pairs, including those without weight."""
 
 
 @by_reference
 class SceneModel(NamedTuple):
-    """The bodies of a scene; constant, but for the tool's frame."""
+    """The bodies of a scene; constant except for the tool's frame."""
 
     textures: PackedTextures
     geometry: Geometry
@@ -62,19 +61,19 @@ class ForceParameters(NamedTuple):
     bristle_stiffness: float
     """[N/m]"""
     max_nodes: int
-    """Most boxes that a search evaluates."""
+    """Maximum number of boxes that a search evaluates."""
     tolerance: float
-    """Gap of a depth that counts as certified [m]; negative: derived from the textures."""
+    """Gap up to which a depth counts as certified [m]; negative: derived from the textures."""
     patch_radius: float
-    """How far the parts of an overlap region reach over the lines that split it [m]; by the size of
-    the bodies if it is negative."""
+    """How far the parts of an overlap region extend beyond the lines that split it [m]; negative:
+    derived from the size of the bodies."""
 
 
 class GridMethod(NamedTuple):
-    """How a depth and its gradient are computed from samples on a grid; see `ForceSettings`."""
+    """Parameters of a depth and its gradient from samples on a grid; see `ForceSettings`."""
 
     soft: bool
-    """Soft maximum; otherwise central differences."""
+    """Whether to use the soft maximum; else central differences."""
     step: float
     """Of the central differences [m]."""
     lever: float
@@ -101,21 +100,21 @@ class PointLaw(NamedTuple):
     noise_bandwidth: float
     """Corner frequency of the noise [Hz]."""
     smooth: SceneModel
-    """The scene without textures, whose depth such a law takes."""
+    """The scene without textures, whose depth such a law uses."""
 
 
 class ForceLaw(NamedTuple):
-    """How depths become forces."""
+    """Force law and its parameters."""
 
     parameters: ForceParameters
     grid: GridMethod | None
-    """None: exact gradients. (A tick that has no grid compiles in half the time.)"""
+    """None: exact gradients. (A tick without a grid compiles in half the time.)"""
     point: PointLaw | None
     """None: the law of Otaduy & Lin."""
 
 
 class Query(NamedTuple):
-    """What the contact is wanted for."""
+    """Pose of the tool, time step and candidates."""
 
     pose: NDArray[np.float64]
     """Of the tool's frame: position [m], unit quaternion wxyz; (7,)."""
@@ -144,16 +143,16 @@ SEPARATION = np.dtype(
         ("owner", "i8"),  # number of its part among all
         ("normal", "f8", 3),  # n, unit vector out of the scene's geom, world axes
         ("normal_rate", "f8", (3, 6)),  # by the tool's translation [1/m] and rotation
-        ("gap", "f8"),  # g, how far the smooth geoms overlap as seen across n [m]
+        ("gap", "f8"),  # g, translation along n that separates the smooth geoms [m]
         ("gap_rate", "f8", 6),
-        ("share", "f8"),  # how well the direction is defined, 0 to 1
+        ("share", "f8"),  # blending weight, 0 to 1: how well the direction is defined
         ("share_rate", "f8", 6),
-        ("rough", "f8"),  # largest height of both textures [m]
-        ("reach", "f8"),  # how far its face reaches over its edges, where it is the only one [m]
-        ("aligned", "f8"),  # least cosine to one that may stand for it unsearched
-        ("scale", "f8"),  # root of the stiffness of the two surfaces over that of the force law
-        ("gap_scale", "f8"),  # the same for g: of a map of stiffness, that of its softest place
-        ("friction", "f8"),  # Coulomb's coefficient of the two surfaces, where no map gives it [-]
+        ("rough", "f8"),  # bound of the sum of both textures' |height| [m]
+        ("reach", "f8"),  # extension of its face beyond its edges if it is the only one [m]
+        ("aligned", "f8"),  # least cosine to another direction that may represent it unsearched
+        ("scale", "f8"),  # square root of the two surfaces' stiffness over that of the force law
+        ("gap_scale", "f8"),  # the same for g: with a stiffness map, at its softest point
+        ("friction", "f8"),  # Coulomb's coefficient of the two surfaces without a friction map [-]
         ("depth", "f8"),  # penetration depth of the textured surfaces along n [m]
         ("weight", "f8"),  # derivative of the way out by this depth
     ],
@@ -170,7 +169,7 @@ GEOM_PATCH = np.dtype(
     ],
     align=True,
 )
-"""What is remembered of a contact: where the next search starts, and friction. Body's frame."""
+"""State of a contact kept for the next tick: start of its search, and friction. Body's frame."""
 
 MEMORY_STATE = np.dtype(
     [
@@ -178,9 +177,9 @@ MEMORY_STATE = np.dtype(
         ("separations", "i8"),  # number of separations in this tick
         ("parts", "i8"),  # number of parts in this tick
         ("way_out", "f8"),  # s of `response.potential` in this tick [m]; 0 without contact
-        ("last_patches", "i8"),  # number of contacts remembered
+        ("last_patches", "i8"),  # number of patches of the last tick
         ("has_frame", "i8"),  # whether there was a last tick
-        ("dropped", "i8"),  # pairs, parts and contacts that there was no room for
+        ("dropped", "i8"),  # pairs, parts and contacts dropped for lack of room
     ],
     align=True,
 )
@@ -197,7 +196,7 @@ NOISE = np.dtype(
 
 @by_reference
 class GeomMemory(NamedTuple):
-    """What contact of geoms remembers from one tick to the next, and the room of one tick."""
+    """State of contact between geoms kept between ticks, and scratch memory of one tick."""
 
     state: NDArray[np.void]
     """One `MEMORY_STATE` record, (1,)."""
@@ -222,7 +221,7 @@ class GeomMemory(NamedTuple):
 
 
 class Output(NamedTuple):
-    """What a tick returns."""
+    """Results of a tick."""
 
     contacts: Contacts
     wrench: NDArray[np.float64]
@@ -235,9 +234,9 @@ def geom_memory(pairs: int, patches: int, geoms: int) -> GeomMemory:
     Parameters
     ----------
     pairs, patches : int
-        Room for pairs of geoms, and for contacts.
+        Maximum numbers of pairs of geoms, and of contacts.
     geoms : int
-        Most geoms of one body.
+        Largest number of geoms of one body.
     """
     return GeomMemory(
         state=np.zeros(1, MEMORY_STATE),

@@ -1,4 +1,4 @@
-"""Settings and bodies that some contact does not have, refused before it begins."""
+"""Checks for settings and bodies that a kind of contact does not support."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from asperity.geometry.bodies import Body
 
 
 def refuse_soft_bodies(bodies: Sequence[Body]) -> None:
-    """Refuse what is no rigid body."""
+    """Refuse bodies that are not rigid."""
     for body in bodies:
         if not isinstance(body, Body):
             raise AsperityError(
@@ -20,7 +20,7 @@ def refuse_soft_bodies(bodies: Sequence[Body]) -> None:
 
 
 def refuse_for_maps(settings: ForceSettings, tool: str | None, others: list[str | None]) -> None:
-    """Refuse maps of stiffness where they are not known; names are those of bodies with one."""
+    """Refuse stiffness maps where they are not supported; names are those of bodies with one."""
     names = [name for name in (tool, *others) if name is not None]
     if names:
         refuse_laws(settings, f"where stiffness is a map, as that of body {names[0]!r}")
@@ -32,7 +32,7 @@ def refuse_for_maps(settings: ForceSettings, tool: str | None, others: list[str 
 
 
 def refuse_laws(settings: ForceSettings, where: str) -> None:
-    """Refuse laws and gradients that some contact does not have."""
+    """Refuse laws and gradients that this contact does not support."""
     for name, value, only in (
         ("law", settings.law, "otaduy-lin"),
         ("gradient", settings.gradient, "exact"),

@@ -1,4 +1,4 @@
-"""Scratch memory of the search, which solvers that work one after the other share."""
+"""Scratch memory of the search, shared by solvers that run one after the other."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class SearchRoom(NamedTuple):
 
 
 def search_room(geometry: Geometry, facets: FacetTable | None, by_geoms: bool = True) -> SearchRoom:
-    """Allocate the memory of searches between facets, if there are any, and between geoms."""
+    """Allocate memory for searches between facets, if there are any, and between geoms."""
     geoms = most_geoms(geometry)
     patches, pairs = (3 * geoms, 9 * geoms * geoms) if by_geoms else (1, 1)
     if facets is None:

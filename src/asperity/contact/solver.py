@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _logger = logging.getLogger(__name__)
 _BLOCK = 128
-"""Poses that a thread takes at a time: enough that Python counts little, few enough to share."""
+"""Poses per block of a thread: enough to hide Python's overhead, few enough to balance the load."""
 
 
 class ContactSolver(BodyContact):
@@ -53,17 +53,17 @@ class ContactSolver(BodyContact):
     Attributes
     ----------
     contacts : Contacts
-        The contacts of the last pose, in arrays that are used again; only the first
+        The contacts of the last pose, in arrays that the next call overwrites; only the first
         `contacts.count[0]` rows are valid.
     centre : (3,) array
         The tool's centre of mass in its own frame [m].
     by_facets : (bodies,) array of int
-        Whether contact of the tool with a body is between facets: where either is a mesh.
+        Whether contact of the tool with a body is between facets: if either is a mesh.
 
     Raises
     ------
     AsperityError
-        No body has the name `tool`; a body has not as many geoms as its body in the model; or a
+        No body has the name `tool`; a body's number of geoms differs from that in the model; or a
         mesh is involved and `settings` has another law than "otaduy-lin" or another gradient
         than "exact".
 
@@ -100,12 +100,12 @@ class ContactSolver(BodyContact):
         pose : (7,)
             Of the tool's frame: position [m], unit quaternion wxyz.
         dt : float
-            Time since the last call [s], by which bristles and noise advance. With 0 nothing is
-            remembered of this pose.
+            Time since the last call [s], by which bristles and noise advance; 0 leaves the memory
+            as it is.
         seconds : float
-            Time limit of the searches [s]. A search that reaches it returns the best that it has
-            found; its remaining uncertainty is the `gap` of the contact, and `was_cut` is true.
-            Only the searches are cut short.
+            Time limit of the searches [s]. A search that reaches it returns its incumbent; the
+            remaining uncertainty is the `gap` of the contact, and `was_cut` is true. Only the
+            searches are limited.
 
         Returns
         -------
@@ -119,7 +119,7 @@ class ContactSolver(BodyContact):
             `pose` is not seven finite numbers, its quaternion is zero, or `dt` is below 0.
         """
         given = np.asarray(pose, dtype=np.float64)
-        # By products, which take a third of the time of `isfinite` and `any`.
+        # Dot products take a third of the time of `isfinite` and `any`.
         is_good = given.shape == (7,) and given.dot(given) < math.inf
         if not (is_good and given[3:].dot(given[3:]) > 0.0):
             require_pose(given, "pose")
@@ -136,15 +136,15 @@ class ContactSolver(BodyContact):
         return self._collider.query(without)
 
     def keep(self) -> list[NDArray[Any]]:
-        """Return a copy of all that is known of the last pose, for `restore`."""
-        return [part.copy() for part in self._found()]
+        """Return a copy of the results of the last pose, for `restore`."""
+        return [part.copy() for part in self._results()]
 
     def restore(self, kept: Sequence[NDArray[Any]]) -> None:
-        """Have an earlier pose for the last one, though not in what searches start from."""
-        for part, earlier in zip(self._found(), kept, strict=True):
+        """Restore the results of an earlier pose, but not the start points of searches."""
+        for part, earlier in zip(self._results(), kept, strict=True):
             part[...] = earlier
 
-    def _found(self) -> list[NDArray[Any]]:
+    def _results(self) -> list[NDArray[Any]]:
         """Return the arrays that hold the result of the last pose."""
         energies = [self._memory.state["way_out"]]
         if self._mesh is not None:
@@ -158,11 +158,11 @@ class ContactSolver(BodyContact):
         threads: int | None = None,
         certified: NDArray[np.bool_] | None = None,
     ) -> NDArray[np.float64]:
-        """Return the wrenches on the tool at many poses that have nothing to do with each other.
+        """Return the wrenches on the tool at many independent poses.
 
-        As `wrench` of each pose after `reset`, with a `dt` of 0: without friction, damping or
-        noise. Depths that are not certified are counted in a log message. What this solver
-        remembers of earlier poses is kept.
+        Equal to `wrench` of each pose after `reset`, with a `dt` of 0: without friction, damping or
+        noise. Depths that are not certified are counted in a log message. The memory of this solver
+        is not changed.
 
         Parameters
         ----------

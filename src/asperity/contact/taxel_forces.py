@@ -1,7 +1,7 @@
-"""Force on each of a set of taxels, whose sum and moment are those of the contacts exactly.
+"""Forces on a set of taxels, whose sum and moment are exactly those of the contacts.
 
-Every contact is spread over the taxels round it: first by a bell-shaped weight, then with the least
-change of the forces that makes their sum the contact's force, and their moment its moment.
+Every contact is spread over the taxels around it: first by a Gaussian weight, then with the least
+correction that makes the sum of the forces the contact's force, and their moment its moment.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from asperity.errors import AsperityError, require_finite, require_positive
 from asperity.geometry.poses import require_pose, rotation_of
 
 _REACH = 4.0
-"""How many spreads from a contact taxels feel it."""
+"""Distance from a contact, in spreads, up to which taxels get a force."""
 _FEWEST = 6
-"""Taxels over which a contact is spread at least."""
+"""Least number of taxels over which a contact is spread."""
 
 
 class TaxelForces:
-    """Taxels at places of a rigid body, over which contacts are spread.
+    """Taxels at points of a rigid body, over which contacts are spread.
 
     Parameters
     ----------
     places : (n, 3) array
         In the body's frame [m], 3 or more that are not on a line.
     spread : float, optional
-        Standard deviation of the bell [m]; by default the mean distance of neighbours.
+        Standard deviation of the Gaussian [m]; by default the mean distance of neighbours.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class TaxelForces:
     Raises
     ------
     AsperityError
-        Places that cannot be used.
+        The places are fewer than 3, not finite, or on a line.
 
     Examples
     --------
@@ -67,9 +67,9 @@ class TaxelForces:
     ) -> Array:
         """Return the force on each taxel of a rigid tool (n, 3) [N], world axes.
 
-        Their sum is the wrench's force, and their moment about the centre its torque: what no
-        contact has of these, as the torque of a wide contact between meshes, is spread from the
-        deepest one.
+        Their sum is the wrench's force, and their moment about the centre its torque. Parts that
+        belong to no contact, such as the torque of a wide contact between meshes, are spread from
+        the deepest one.
 
         Parameters
         ----------
@@ -114,18 +114,20 @@ class TaxelForces:
         weight = np.exp(-0.5 * ((far - far.min()) / self.spread) ** 2)
         weight /= weight.sum()
         forces = weight[:, None] * force
-        # The change `weight (a + b x arm)` has no force and lacks the moment, for one (a, b).
+        # (a, b) is solved for so that `weight (a + b x arm)` has no force and the missing moment.
         scale = self.spread
         across = _cross_matrices(arms / scale)
         rows = np.concatenate([np.broadcast_to(np.eye(3), across.shape), across], axis=1)
         system = np.einsum("n,nij,nkj->ik", weight, rows, rows)
-        lacks = np.concatenate([np.zeros(3), (moment - np.cross(arms, forces).sum(axis=0)) / scale])
-        forces += weight[:, None] * np.einsum("nij,i->nj", rows, np.linalg.solve(system, lacks))
+        missing = np.concatenate(
+            [np.zeros(3), (moment - np.cross(arms, forces).sum(axis=0)) / scale]
+        )
+        forces += weight[:, None] * np.einsum("nij,i->nj", rows, np.linalg.solve(system, missing))
         out[near] += forces
 
 
 def _cross_matrices(vectors: Array) -> Array:
-    """Return for each vector the matrix that multiplies by it from the left, (n, 3, 3)."""
+    """Return for each vector the matrix of the cross product with it, (n, 3, 3)."""
     out = np.zeros((len(vectors), 3, 3))
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
