@@ -19,14 +19,14 @@ from asperity.geometry.frames import material_displacement, to_body, to_world
 
 
 class ToolFrames(NamedTuple):
-    """Where the tool is, and where it was one tick before."""
+    """The tool's frame now and one tick before."""
 
     frame: NDArray[np.float64]
-    """Present frame, (3, 4)."""
+    """Current frame, (3, 4)."""
     last_frame: NDArray[np.float64]
     """Frame one tick before, (3, 4)."""
     moves: bool
-    """Whether there was a tick before, and time has passed since."""
+    """Whether there was a last tick, and time has passed since."""
     centre: NDArray[np.float64]
     """Centre of mass in world axes [m], (3,)."""
     dt: float
@@ -46,7 +46,7 @@ class Bristle(NamedTuple):
 
 @inner_kernel
 def write_contact(contacts, c, body, weight, result, centre):
-    """Write what a search found to row `c` of the contacts.
+    """Write the result of a search to row `c` of the contacts.
 
     Parameters
     ----------
@@ -70,10 +70,10 @@ def write_contact(contacts, c, body, weight, result, centre):
 
 @inner_kernel
 def damped_push(push, dissipation, result, motion):
-    """Return the normal force `push` [N] of a contact, damped by the rate at which it deepens.
+    """Return the normal force `push` [N] of a contact with damping (Hunt & Crossley 1975).
 
-    It is `push (1 + a v)`, and at least 0, with a the `dissipation` [s/m] and v the rate (Hunt &
-    Crossley 1975).
+    It is `push (1 + a v)`, and at least 0, with a the `dissipation` [s/m] and v the rate of the
+    depth.
     """
     if dissipation == 0.0 or not motion.moves:
         return push
@@ -120,7 +120,7 @@ def add_friction(out, c, point, body_frame, bristle, motion):
     contacts = out.contacts
     contacts.friction[c], contacts.bristle_stiffness[c] = bristle.friction, bristle.stiffness
     if bristle.friction == 0.0:
-        clear(bristle.deflection)  # a map may give it some again
+        clear(bristle.deflection)  # with a map, friction may return
         return
     moved, local, across, drag = (
         stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,)),
@@ -146,7 +146,7 @@ def bristle_force(deflection_io, moved, across, stiffness, limit, force_out):
     Parameters
     ----------
     deflection_io : (3,) array
-        Deflection [m]; shortened where the bristle slips.
+        Deflection [m]; shortened if the bristle slips.
     moved : (3,) array
         Motion of the tool's material [m].
     across : (3,) array

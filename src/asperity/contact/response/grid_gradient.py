@@ -1,7 +1,7 @@
 """Depths and gradients from samples on a grid, instead of the certified search.
 
-Both start from the deepest point that the search found. Central differences are the paper's way;
-the soft maximum averages over all points near the deepest one (see `narrow_phase.grid`).
+Both start from the deepest point of the search. Central differences are the paper's method; the
+soft maximum averages over all points near the deepest one (see `narrow_phase.grid`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def _samples(grid):
 
 @inner_kernel
 def _move_frame(frame, n, axis, step, frame_out):
-    """Fill a frame (3, 4) displaced by `step` along a world axis, 0 to 2, or rotated about it.
+    """Fill a frame (3, 4) displaced by `step` along a world axis, 0 to 2, or rotated about one.
 
     Axes 3 to 5 are rotations about the origin by `step` [rad]. Displacements [m] are projected
     perpendicular to n, along which the derivative is known.
@@ -63,8 +63,8 @@ def _move_frame(frame, n, axis, step, frame_out):
 def _central_differences(model, grid, query, workspace, result_io):
     """Replace depth, point and gradient by those of the paper's eleven depths on a grid.
 
-    The first is the depth itself. Two for each axis perpendicular to n, and about each axis, give
-    the gradient; along n it is 1 (Eq. 3). The origin is the tool's centre of mass.
+    The first is the depth itself. Two along each axis perpendicular to n, and two about each axis,
+    give the gradient; along n it is 1 (Eq. 3). The origin is the tool's centre of mass.
     """
     n, sample, moved = query.normal, stack_array((8,)), stack_array((3, 4))
     samples = _samples(grid)

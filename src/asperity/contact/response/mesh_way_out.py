@@ -1,19 +1,19 @@
-"""The way out of a body among facets: the least of the choices of directions to leave it by.
+"""The way out of a body among facets: the smooth minimum over choices of directions.
 
-Each direction has a depth delta_d, and a residual rho_dc: how much of it is left once the tool
-leaves by direction c (`manifold.residual`). A choice C of one or more directions leaves those by
-all of their depth, and every other one by what remains of it,
+Each direction has a depth delta_d, and residuals rho_dc: the part that remains after leaving by
+direction c (`manifold.residual`). A choice C of one or more directions has to cover their full
+depths, and of every other direction what remains,
 
     psi(n_d) . tau >= delta_d                                for d in C,
     psi(n_d) . tau >= delta_d times the product of rho_dc over C     for the others,
 
-and the least |tau| is its length: see `potential` and `ways_out`, also for how the least of all
-lengths is smoothed. Round a convex edge residuals are 0, and each side is a way out. In a groove
-they are 1, and all choices are the same one: both walls. All between is continuous.
+and the least |tau| is its length: see `potential` and `ways_out`, also for the smooth minimum of
+the lengths. At a convex edge residuals are 0, and each side is a way out. In a groove they are 1,
+and all choices are equal: both walls. Everything between is continuous.
 
-A choice that has to leave all that a shorter one leaves, and more, is no separate way. It counts
-less the longer it is, up to a tenth, and not at all where the shorter one leaves nothing behind.
-One that is longer by a tenth takes nothing from it.
+A choice *dominated* by a shorter one, because it has to cover all that the other covers and more,
+is not a separate way out. Its share falls to 0 as it gets longer, by up to a tenth, and is 0 where
+the shorter one resolves everything.
 """
 
 from __future__ import annotations
@@ -37,30 +37,30 @@ from asperity.contact.response.ways_out import (
 )
 
 _LONGER = 0.1
-"""Relative difference in length at which a choice that has more to leave does not count."""
-_AS_FAR = 0.5
-"""Part of what another choice leaves, from which on a choice begins to have it to leave too."""
+"""Relative difference in length at which a dominated choice has no share."""
+_COVERED = 0.5
+"""Fraction of another choice's distances that a choice covers, above which domination begins."""
 _LITTLE = 0.1
-"""Part of a direction that remains, below which a choice need not leave it as far as another."""
+"""Fraction of a depth below which covering it counts less towards domination."""
 _STEP = 1e-5
 """Relative step of the central differences."""
 
 
 @by_reference
 class MeshChoices(NamedTuple):
-    """Room for the choices among the directions of one body."""
+    """Scratch memory for the choices among the directions of one body."""
 
     ways: WaysOut
     members: NDArray[np.int64]
-    """Bit i: the choice leaves by the i-th direction that counts; (choices,)."""
+    """Bit i: whether the i-th direction that counts belongs to the choice, (choices,)."""
     needed: NDArray[np.float64]
-    """How far a choice has to leave each of them [m], (choices, 6)."""
+    """Distance along each of them that a choice has to cover [m], (choices, 6)."""
     share: NDArray[np.float64]
-    """How far a choice is a separate way, (choices,)."""
+    """Blending weight of a choice, 0 if it is dominated; (choices,)."""
     alone: NDArray[np.float64]
-    """How far it leaves nothing behind of the directions that it does not leave by, (choices,)."""
+    """How far a choice resolves all other directions, 0 to 1; (choices,)."""
     number: NDArray[np.int64]
-    """Which of the six directions the i-th one is, (6,)."""
+    """Number, of six, of the i-th direction that counts; (6,)."""
     depth: NDArray[np.float64]
     """[m], (6,)"""
     residual: NDArray[np.float64]
@@ -68,7 +68,7 @@ class MeshChoices(NamedTuple):
 
 
 def mesh_choices() -> MeshChoices:
-    """Allocate room for the choices among the directions of one body."""
+    """Allocate memory for the choices among the directions of one body."""
     ways = ways_out(DIRECTIONS)
     return MeshChoices(
         ways=ways,
@@ -84,7 +84,7 @@ def mesh_choices() -> MeshChoices:
 
 @inner_kernel
 def _collect(space):
-    """Fill the inputs of the choices; return how many directions there are."""
+    """Fill the inputs of the choices; return the number of directions."""
     choices, rows = space.choices, 0
     for d in range(DIRECTIONS):
         if space.directions[d].patches > 0:
@@ -101,7 +101,7 @@ def _collect(space):
 
 @inner_kernel
 def _fill_needed(choices, rows, c):
-    """Fill how far choice `c` has to leave each direction."""
+    """Fill the distances along all directions that choice `c` has to cover."""
     members, alone = choices.members[c], 1.0
     for i in range(rows):
         left = 1.0
@@ -116,29 +116,29 @@ def _fill_needed(choices, rows, c):
 
 
 @inner_kernel
-def _has_to_leave(choices, rows, c, other):
-    """Return how far choice `c` has to leave all that another one leaves."""
+def _domination(choices, rows, c, other):
+    """Return how far choice `c` covers all distances of another one, 0 to 1."""
     part = 1.0
     for i in range(rows):
         need = choices.needed[other, i]
         if need > 0.0:
-            as_far, left = min(choices.needed[c, i] / need, 1.0), need / choices.depth[i]
-            if left < _LITTLE:  # or the share would leap where the last of it goes
-                as_far = 1.0 - smooth_step(left / _LITTLE) * (1.0 - as_far)
-            part *= as_far
-    return smooth_step((part - _AS_FAR) / (1.0 - _AS_FAR))
+            covered, left = min(choices.needed[c, i] / need, 1.0), need / choices.depth[i]
+            if left < _LITTLE:  # continuous as the distance vanishes
+                covered = 1.0 - smooth_step(left / _LITTLE) * (1.0 - covered)
+            part *= covered
+    return smooth_step((part - _COVERED) / (1.0 - _COVERED))
 
 
 @inner_kernel
 def _fill_shares(choices, rows, count):
-    """Fill how far each choice is a separate way."""
+    """Fill the shares of the choices."""
     length = choices.ways.length
     for c in range(count):
         share = 1.0
         for other in range(count):
             if other == c:
                 continue
-            more = _has_to_leave(choices, rows, c, other)
+            more = _domination(choices, rows, c, other)
             if more > 0.0:
                 ratio = (length[c] / length[other] - 1.0) / _LONGER
                 longer = smooth_step(ratio)
@@ -148,8 +148,8 @@ def _fill_shares(choices, rows, count):
 
 
 @inner_kernel
-def _is_known(choices, rows, count):
-    """Return whether choice `count` has to leave as far as one before it."""
+def _is_duplicate(choices, rows, count):
+    """Return whether choice `count` has the same distances as one before it."""
     for c in range(count):
         same = True
         for i in range(rows):
@@ -161,14 +161,14 @@ def _is_known(choices, rows, count):
 
 @inner_kernel
 def _list_choices(choices, rows):
-    """Fill the choices whose length may count; return how many there are, 0 if one has none."""
+    """Fill the choices short enough to count; return their number, 0 if one has no length."""
     ways, bound, count = choices.ways, np.inf, 0
     for members in range(1, 1 << rows):
         if count == ways.length.size:
             break
         choices.members[count] = members
         _fill_needed(choices, rows, count)
-        if _is_known(choices, rows, count):
+        if _is_duplicate(choices, rows, count):
             continue
         most = 0.0
         for i in range(rows):
@@ -189,7 +189,7 @@ def _list_choices(choices, rows):
 
 @inner_kernel
 def _update(choices, rows, count):
-    """Solve all choices anew for changed inputs, and fill S."""
+    """Solve all choices again for changed inputs; fill shares and S."""
     ways = choices.ways
     for c in range(count):
         _fill_needed(choices, rows, c)
@@ -200,7 +200,7 @@ def _update(choices, rows, count):
 
 @inner_kernel
 def _excess(choices, count, s):
-    """Return the sum over choices less 1, which is 0 at the soft least s."""
+    """Return the sum over choices minus 1, which is 0 at the smooth minimum s."""
     ways, share = choices.ways, choices.share
     for c in range(count):
         x = max(RATIO - ways.length[c] / s, 0.0) / (RATIO - 1.0)
@@ -217,8 +217,8 @@ def _excess(choices, count, s):
 
 
 @inner_kernel
-def _soft_least(choices, count):
-    """Return s, by bisection and secants."""
+def _smooth_minimum(choices, count):
+    """Return s, by the secant method with bisection."""
     least = np.inf
     for c in range(count):
         least = min(least, choices.ways.length[c])
@@ -245,14 +245,14 @@ def _soft_least(choices, count):
 
 @inner_kernel
 def _keep_near(choices, rows, count, s):
-    """Keep the choices that count at s; return how many there are.
+    """Keep the choices that count at s; return their number.
 
-    Choices that are all but the same, as one that also leaves by a direction without depth, take
-    each other's share. Then s is the least length itself, and its gradient that of the first.
+    Almost equal choices, such as with and without a direction of no depth, cancel each other's
+    share. Then s is the least length itself, and its gradient that of the first.
     """
     ways, kept = choices.ways, 0
     for c in range(count):
-        # Those beyond RATIO do not count, but may take a share from one that does.
+        # Choices beyond RATIO have no weight, but may reduce the share of one that has.
         if ways.length[c] >= RATIO / (1.0 - _LONGER) * s or (kept > 0 and ways.length[0] == s):
             continue
         if ways.length[c] == s:
@@ -266,8 +266,8 @@ def _keep_near(choices, rows, count, s):
 
 
 @inner_kernel
-def _rise(choices, rows, count, s):
-    """Return the excess at s for changed inputs."""
+def _excess_after_change(choices, rows, count, s):
+    """Return the excess at s after a change of the inputs."""
     _update(choices, rows, count)
     return _excess(choices, count, s)
 
@@ -284,16 +284,20 @@ def _fill_rates(space, rows, count, s):
         if depth == 0.0:
             continue
         choices.depth[i] = depth + step
-        rise = _rise(choices, rows, count, s)
+        rise = _excess_after_change(choices, rows, count, s)
         choices.depth[i] = depth - step
-        direction.rate = -(rise - _rise(choices, rows, count, s)) / (2.0 * step * by_s)
+        direction.rate = -(rise - _excess_after_change(choices, rows, count, s)) / (
+            2.0 * step * by_s
+        )
         choices.depth[i] = depth
         for k in range(3):
             n = inputs[i, 3 + k]
             inputs[i, 3 + k] = n + _STEP
-            rise = _rise(choices, rows, count, s)
+            rise = _excess_after_change(choices, rows, count, s)
             inputs[i, 3 + k] = n - _STEP
-            direction.turn[k] = -(rise - _rise(choices, rows, count, s)) / (2.0 * _STEP * by_s)
+            direction.turn[k] = -(rise - _excess_after_change(choices, rows, count, s)) / (
+                2.0 * _STEP * by_s
+            )
             inputs[i, 3 + k] = n
         for j in range(rows):
             one, two, was = choices.number[i], choices.number[j], choices.residual[i, j]
@@ -301,16 +305,16 @@ def _fill_rates(space, rows, count, s):
                 continue  # its slope is 0 too
             change = min(_STEP, 0.5 * min(was, 1.0 - was))
             choices.residual[i, j] = was + change
-            rise = _rise(choices, rows, count, s)
+            rise = _excess_after_change(choices, rows, count, s)
             choices.residual[i, j] = was - change
-            rise -= _rise(choices, rows, count, s)
+            rise -= _excess_after_change(choices, rows, count, s)
             space.residuals.rate[one, two] = -rise / (2.0 * change * by_s)
             choices.residual[i, j] = was
 
 
 @inner_kernel
-def _is_one_depth(choices, rows):
-    """Return which direction is all that the first choice heeds, fully; -1 if there is none."""
+def _only_active(choices, rows):
+    """Return the only active direction of the first choice if it is a member of it; else -1."""
     only = -1
     for i in range(rows):
         if choices.ways.shares[0, i] != 0.0:
@@ -322,9 +326,9 @@ def _is_one_depth(choices, rows):
 
 @inner_kernel
 def fill_way_out(space):
-    """Return the way out of a body [m]; fill its derivatives by all that it depends on.
+    """Return the way out of a body [m]; fill its derivatives.
 
-    `rate` and `turn` of the `space.directions` are filled, and `space.residuals.rate`.
+    These are `rate` and `turn` of the `space.directions`, and `space.residuals.rate`.
     """
     choices, rows = space.choices, _collect(space)
     if rows == 0:
@@ -337,9 +341,9 @@ def fill_way_out(space):
     if count == 0:
         return 0.0
     _update(choices, rows, count)
-    s = _soft_least(choices, count)
+    s = _smooth_minimum(choices, count)
     count = _keep_near(choices, rows, count, s)
-    only = _is_one_depth(choices, rows) if count == 1 else -1
+    only = _only_active(choices, rows) if count == 1 else -1
     if only >= 0:
         space.directions[choices.number[only]].rate = 1.0
         return s

@@ -1,12 +1,12 @@
-r"""Force laws for the contact of two textured bodies.
+"""Force laws for the contact of two textured bodies.
 
 *Otaduy & Lin* (2004, Eqs 2 and 3): `F = k w delta m`, with k the stiffness, w the contact's weight,
 delta the penetration depth of the textured surfaces and m their common normal. It acts at the
 deepest point, which gives the torque.
 
-The other laws take the penetration depth d of the smooth bodies, and the height h and gradient of
-the scene body's texture at one point, where the smooth tool is deepest. The tool's own texture and
-size have no effect. n is the unit normal.
+The other laws use the penetration depth d of the smooth bodies, and height h and gradient of the
+scene body's texture at one point, where the smooth tool is deepest. The tool's texture and size
+have no effect. n is the unit normal.
 
 *Minsky* (1995): `F = k d (n - grad h)`, her lateral force with the normal force as its gain.
 
@@ -16,9 +16,9 @@ lowest point of the map: `F = k ((d - K h) n + K h M)` if `d >= K h`, else `k d 
 *Siira & Pai* (1996): `F = k d (n + e)`, e low-passed Gaussian noise perpendicular to n, while the
 tool slides.
 
-These three are implemented as other work quotes them; see the modules of the 1-D laws.
+These three are implemented as later work quotes them; see the modules of the 1-D laws.
 
-*Friction* (`friction`) is added to any of them.
+*Friction* (`friction`) is added to each of them.
 """
 
 from __future__ import annotations
@@ -40,20 +40,20 @@ HO = LAWS.index("ho")
 SIIRA_PAI = LAWS.index("siira-pai")
 """Indices into `settings.LAWS`."""
 _SLIDING = 1e-24
-"""Square of the displacement in one tick from which on the tool slides [m^2]."""
+"""Square of the displacement in one tick above which the tool slides [m^2]."""
 
 
 class PointContact(NamedTuple):
-    """What a point law knows of a contact. Vectors are in world axes."""
+    """Inputs of a point law at one contact. Vectors are in world axes."""
 
     normal: NDArray[np.float64]
     """n, (3,)."""
     push: float
-    """Normal force k w d [N]. Where d is above 0, the contact's stiffness k w is `push / depth`."""
+    """Normal force k w d [N]."""
     depth: float
     """d, of the smooth bodies [m]."""
     height: float
-    """h, the texture's height over the lowest point of its map [m]."""
+    """h, the texture's height above the lowest point of its map [m]."""
     gradient: NDArray[np.float64]
     """Gradient of h, perpendicular to n [-]; (3,)."""
     noise: NDArray[np.float64]
@@ -61,7 +61,7 @@ class PointContact(NamedTuple):
 
 
 class PointQuery(NamedTuple):
-    """Where a point law reads the texture. Vectors are in world axes."""
+    """Point at which a point law reads the texture. Vectors are in world axes."""
 
     body: BodyGeoms
     """Geoms of the scene body that belong to the patch."""

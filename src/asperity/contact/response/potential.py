@@ -1,32 +1,32 @@
-r"""The potential of contact: how far the tool has to move to leave all parts that it overlaps.
+"""The potential of contact: the least motion of the tool that separates all overlapping parts.
 
-Each part of the contact (a convex geom of the tool in one of the scene, or several that have but
-one way out and the same one) offers one or more directions n_i with penetration depths delta_i. The
-tool leaves by one direction of *every* part.
+Each part of the contact (a pair of convex geoms, or several whose only way out is the same
+direction) has one or more directions n_i with penetration depths delta_i. The tool leaves by one
+direction of *every* part.
 
 *One choice of directions.* The least |tau| with `psi(n_p) . tau >= delta_p` for every part p, where
 `psi(n) = (n, n n^T) / sqrt(2)`: a translation and a uniform strain. The Gram matrix of psi is
 `c (1 + c) / 2`, c the cosine between two normals: parallel walls share their stiffness, walls that
 are perpendicular or opposite have k each. With one direction |tau| is delta.
 
-*The least of all choices*, smoothed: s with
+*The smooth minimum over all choices* is s with
 
     sum_c w_c kappa_c^2 / sum_d S_cd w_d kappa_d = 1,
     kappa_c = max(0, (R - |tau_c| / s) / (R - 1))^2,   S_cd = max(0, cos(tau_c, tau_d))^4, R = 1.5.
 
-It is homogeneous, leaves out choices longer than R s, and counts choices that point the same way
-once. The weights w make directions come and go smoothly: a direction counts less if its separation
-g exceeds R s (the way leads out through another face), and not at all from 2 s on; and less beside
-an almost parallel one that is simpler, by the angle between them (8 to 16 degrees), unless a steep
-texture makes that one deeper (1.2 to 1.5 times).
+It is homogeneous, ignores choices longer than R s, and counts parallel choices once. The weights w
+blend directions in and out: that of a direction falls from 1 to 0 as its separation g grows from
+R s to 2 s (the way out is through another face); and beside an almost parallel direction of a lower
+kind, by the angle between them (16 to 8 degrees), unless a steep texture makes that one deeper
+(1.2 to 1.5 times).
 
-Where two surfaces have a stiffness of their own, k_p, their depths and separations count
-`sqrt(k_p / k)` times; of a map of stiffness, that of the deepest place counts for the depth and
-that of the softest for the separation, so that it changes with the pose alone. The energy is
-`U = k s^2 / 2` and the wrench `-k s grad(s)`. Where there is one direction, as nearly always, this
-is the law of Otaduy & Lin (2004, Eqs 1 and 2). Otherwise grad(s) follows from the implicit function
-theorem, with central differences of the sums above by their inputs: depths, normals and
-separations, whose derivatives by the tool's pose are exact.
+If two surfaces have the stiffness k_p, their depths and separations are scaled by `sqrt(k_p / k)`;
+with a stiffness map, k_p is that at the deepest point for the depth and at the softest point for
+the separation, which so depends on the pose alone. The energy is `U = k s^2 / 2` and the wrench
+`-k s grad(s)`. With one direction, as in most contacts, this is the law of Otaduy & Lin (2004,
+Eqs 1 and 2). Otherwise grad(s) follows from the implicit function theorem, with central differences
+of the sums above by their inputs: depths, normals and separations, whose derivatives by the tool's
+pose are exact.
 """
 
 from __future__ import annotations
@@ -45,52 +45,52 @@ from asperity.contact.manifold.separation import (
 from asperity.contact.response.ways_out import RATIO, fill_choices, update_choices
 
 _DOUBLINGS = 6
-"""Most times that longer ways out are looked for."""
+"""Maximum number of times that the bound on the length is doubled."""
 _LAST_RESORT = 1e-9
-"""Presence of a direction that leads too far: of use only where a part has no other."""
+"""Weight of a direction with too large a separation: it matters only if a part has no other."""
 _STEP = 1e-5
 """Relative step of the central differences."""
 
 
 @inner_kernel
-def _own_presence(separations, inputs, i, s):
-    """Return how far a direction counts by its own separation, given the least way out `s`."""
+def _own_weight(separations, inputs, i, s):
+    """Return the weight of a direction by its own separation and share, given the way out `s`."""
     beyond = (inputs[i, 1] - separations[i].gap_scale * separations[i].rough) / s - RATIO
     return inputs[i, 2] * max(1.0 - smooth_step(beyond / (FARTHEST - RATIO)), _LAST_RESORT)
 
 
 @inner_kernel
 def _beside(inputs, i, j):
-    """Return how far direction `j` stands for `i`, by the angle between them and their depths."""
+    """Return how far direction `j` represents `i`, by their angle and their depths, 0 to 1."""
     c = inputs[i, 3] * inputs[j, 3] + inputs[i, 4] * inputs[j, 4] + inputs[i, 5] * inputs[j, 5]
     deeper = (inputs[j, 0] / inputs[i, 0] - ABOUT) / (RATIO - ABOUT)
     return smooth_step((c - APART) / (ALONG - APART)) * (1.0 - smooth_step(deeper))
 
 
 @inner_kernel
-def _presence(separations, inputs, first, i, s):
-    """Return how far separation `i` of a part counts, given the least way out `s`.
+def _direction_weight(separations, inputs, first, i, s):
+    """Return the weight of separation `i` of a part, given the way out `s`.
 
     `first` is the first row of its part; rows are in the order of their kinds.
     """
-    share = _own_presence(separations, inputs, i, s)
+    share = _own_weight(separations, inputs, i, s)
     for j in range(first, i):
         if separations[j].kind < separations[i].kind and share > 0.0:
             beside = _beside(inputs, i, j)
             if beside == 0.0:
                 continue
-            # Of those of lower number, faces of A may in turn be stood for by faces of B.
-            other = _own_presence(separations, inputs, j, s)
+            # Of the lower kinds, faces of A may in turn be represented by faces of B.
+            other = _own_weight(separations, inputs, j, s)
             for k in range(first, j):
                 if separations[k].kind < separations[j].kind:
-                    other *= 1.0 - _beside(inputs, j, k) * _own_presence(separations, inputs, k, s)
+                    other *= 1.0 - _beside(inputs, j, k) * _own_weight(separations, inputs, k, s)
             share *= 1.0 - beside * other
     return share
 
 
 @inner_kernel
 def _excess(separations, ways, parts, count, s):
-    """Return the sum over choices less 1, which is 0 at the soft least s."""
+    """Return the sum over choices minus 1, which is 0 at the smooth minimum s."""
     for c in range(count):
         weight = 1.0
         for p in range(parts):
@@ -98,7 +98,7 @@ def _excess(separations, ways, parts, count, s):
             first = i
             while first > 0 and separations[first - 1].part == separations[i].part:
                 first -= 1
-            weight *= _presence(separations, ways.inputs, first, i, s)
+            weight *= _direction_weight(separations, ways.inputs, first, i, s)
         x = max(RATIO - ways.length[c] / s, 0.0) / (RATIO - 1.0)
         ways.weight[c] = weight * x * x
     total = 0.0
@@ -114,8 +114,8 @@ def _excess(separations, ways, parts, count, s):
 
 
 @inner_kernel
-def _soft_least(separations, ways, parts, count, most):
-    """Return s, by bisection and secants; -1 if it is above `most` times the least length."""
+def _smooth_minimum(separations, ways, parts, count, most):
+    """Return s by the secant method with bisection; -1 above `most` times the least length."""
     least = np.inf
     for c in range(count):
         least = min(least, ways.length[c])
@@ -141,7 +141,7 @@ def _soft_least(separations, ways, parts, count, most):
 
 @inner_kernel
 def _least_alone(separations, used):
-    """Return the least length of one direction [m], which alone gets a weight."""
+    """Return the least length of one direction [m]; only that one gets a weight."""
     least = 0
     for i in range(used):
         length = separations[i].scale * separations[i].depth
@@ -153,7 +153,7 @@ def _least_alone(separations, used):
 
 @inner_kernel
 def _perturb(separations, used, ways, i, e, step):
-    """Fill the inputs, changed by a step of depth `i`, or of the tool's coordinate `e`."""
+    """Fill the inputs, perturbed by a step of depth `i` or of the tool's coordinate `e`."""
     for j in range(used):
         found, row = separations[j], ways.inputs[j]
         scale, row[2] = found.scale, found.share
@@ -171,7 +171,7 @@ def _perturb(separations, used, ways, i, e, step):
 
 @inner_kernel
 def _slope(separations, used, parts, ways, count, at, step):
-    """Return the derivative of the excess at fixed s; `at` is (s, depth's row, coordinate)."""
+    """Return the derivative of the excess at fixed s; `at` is (s, row of the depth, coordinate)."""
     s, i, e = at
     _perturb(separations, used, ways, i, e, step)
     update_choices(ways, parts, count)
@@ -183,17 +183,17 @@ def _slope(separations, used, parts, ways, count, at, step):
 
 @inner_kernel
 def fill_potential(separations, used, parts, lever, ways, rates_out):
-    """Return the soft least s [m]; fill ds/d(depth) of each separation and the rest of grad(s).
+    """Return the smooth minimum s [m]; fill ds/d(depth) of each separation and the rest of grad(s).
 
     Parameters
     ----------
     separations : SEPARATION records
-        The first `used` rows count, of which those of one part follow each other; their `depth` is
-        known and above 0, their `weight` is filled.
+        The first `used` rows are valid, those of one part consecutive; their `depth` is above 0,
+        their `weight` is filled.
     parts : int
         At least 1.
     lever : float
-        Length by which a rotation is compared to a translation [m].
+        Length that makes a rotation comparable to a translation [m].
     ways : WaysOut
     rates_out : (6,) array
         Derivative of s by the tool's translation and rotation with all depths fixed.
@@ -206,11 +206,11 @@ def fill_potential(separations, used, parts, lever, ways, rates_out):
         return separations[0].scale * separations[0].depth
     _perturb(separations, used, ways, -1, -1, 0.0)
     most, s, count = LONGEST, -1.0, 0
-    # Several that stand for the least one together may leave nothing of it: s is longer then.
+    # If several directions together take all weight from the shortest choice, s is longer.
     for _ in range(_DOUBLINGS):
         count = fill_choices(separations, used, parts, most, ways)
         update_choices(ways, parts, count)
-        s = _soft_least(separations, ways, parts, count, most)
+        s = _smooth_minimum(separations, ways, parts, count, most)
         if s > 0.0:
             break
         most *= 2.0

@@ -50,7 +50,7 @@ class ForceSettings:
     Parameters
     ----------
     stiffness : float
-        k of Eq. 1 [N/m], 1e-6 to 1e9, where the tool is the handle: what a device can render, 400
+        k of Eq. 1 [N/m], 1e-6 to 1e9, without a coupling: limited by what a device can render, 400
         for a Touch.
     law : {"otaduy-lin", "minsky", "ho", "siira-pai"}
         Force law: Otaduy & Lin's, or a baseline that reads the texture at one point of the smooth
@@ -59,20 +59,20 @@ class ForceSettings:
         Coulomb's coefficient [-], 0 to 100. The force of the texture already contains the effect
         of its slopes: the coefficient is that of the material alone.
     dissipation : float
-        a of Hunt & Crossley (1975) [s/m], 0 to 1e6: the force of a contact that deepens at v m/s is
-        1 + a v times that without, and at least 0, so that contacts take energy and never pull. A
-        ball that hits at a low speed v bounces back at about 1 - 2/3 a v of it.
+        a of Hunt & Crossley (1975) [s/m], 0 to 1e6: the force of a contact whose depth grows at
+        v m/s is 1 + a v times that without, and at least 0, so that contacts dissipate energy and
+        never pull. The coefficient of restitution at a low speed v is about 1 - 2/3 a v.
     bristle_stiffness : float, optional
         Stiffness of the elastic bristle that holds a contact in place [N/m], 1e-6 to 1e9; k by
         default.
     object_stiffness : float, optional
-        k where a coupling hangs between handle and tool [N/m], 1e-6 to 1e9: that of the objects,
-        which no device limits. By default `stiffness`, or more if a finger's force would press
+        k with a virtual coupling between handle and tool [N/m], 1e-6 to 1e9: that of the objects,
+        not limited by the device. By default `stiffness`, or more if a finger's force would press
         the textures flat; see `scene.Scene.acting_force`.
     gradient : {"exact", "differences", "soft"}
-        How the depth's gradient is computed: exactly, by the envelope theorem; by the paper's
-        central differences of depths on a grid, whose step acts as a low-pass; or as that of a
-        soft maximum. The last two are for the law "otaduy-lin".
+        Gradient of the depth: exact, by the envelope theorem; by the paper's central differences of
+        depths on a grid, whose step acts as a low-pass; or that of a soft maximum. The last two are
+        for the law "otaduy-lin".
     step : float
         Step of the central differences [m]. Rotations step by `step / lever` [rad].
     lever : float
@@ -82,7 +82,7 @@ class ForceSettings:
     window : float
         Side of the square around the contact that the grid covers [m].
     softness : float
-        1 / beta of the soft maximum [m]. The samples should differ by less in height.
+        1 / beta of the soft maximum [m]. Neighbouring samples should differ by less in height.
     soft_area : float
         A0, the reference area of the soft maximum [m^2].
     ho_gain : float
@@ -94,17 +94,17 @@ class ForceSettings:
     seed : int
         Seed of that noise.
     max_nodes : int
-        Most boxes that a search evaluates, 100 or more; 8000 take about 4 ms.
+        Maximum number of boxes that a search evaluates, 100 or more; 8000 take about 4 ms.
     tolerance : float, optional
         Gap between the bounds of a depth at which it counts as certified [m]. By default a
         thousandth of the textures' rms height, but at least a nanometre.
     patch_radius : float, optional
-        For meshes: how far the parts into which a wide contact is split reach over its centroid
-        [m]. Contacts with a standard deviation of at most a third of it have one part. By default
+        For meshes: how far the parts of a split contact extend beyond its centroid [m]. Contacts
+        with a standard deviation of at most a third of it have one part. By default
         a third of the second largest standard deviation of the smaller body's surface: 2.3 mm for
         a file of 20 mm, 0.8 mm for a ball of 8 mm.
     edge_fade : float, optional
-        Without effect, and deprecated: at an edge the tool is pushed out the shorter way.
+        Deprecated, without effect: at an edge the tool is pushed out by the shorter way.
 
     Raises
     ------

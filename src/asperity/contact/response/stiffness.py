@@ -1,18 +1,18 @@
-r"""Stiffness and damping of the contacts: how the wrench changes, to first order, with the motion.
+"""Stiffness and damping of the contacts: the first-order change of the wrench with the motion.
 
 The energy `U = 1/2 k sum_p w_p delta_p^2` has the Hessian
 
     k sum_p w_p (grad delta_p grad delta_p^T + delta_p Hessian(delta_p)).
 
-The first term is positive semidefinite and known exactly at the contact, where
-`grad delta = -(m, r x m)`. The second is negative on crests and unbounded at kinks. Only the first
-is kept (as Gauss and Newton do), so that an implicit step always has a solution. A bristle that
-sticks adds its stiffness perpendicular to m; one that slips adds none.
+The first term is positive semidefinite and exact at the contact, where `grad delta = -(m, r x m)`.
+The second is negative on crests and unbounded at kinks. Only the first is kept (the Gauss-Newton
+approximation), so that an implicit step always has a solution. A sticking bristle adds its
+stiffness perpendicular to m; a slipping one adds none.
 
 With the damping of Hunt and Crossley, a contact's force is `k w delta (1 + a v) m`, with v the rate
 of delta. Its derivative by the rate, `a k w delta grad delta grad delta^T`, is the damping matrix.
-Friction that slips at the speed v with the force f acts on the next step as a damper f / v, but at
-most as one that sticks: so it opposes whatever motion there is, and takes energy.
+Friction that slips at the speed v with the force f acts on the next step as a damper f / v, limited
+to that of a sticking bristle: so it opposes any motion, and dissipates energy.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from asperity._core.structures import by_reference
 from asperity.geometry.rigid_body import fill_lever_arm
 
 _STICKS = 1.0 - 1e-9
-"""A bristle whose force is below this part of its limit sticks."""
+"""Fraction of its limit below which a bristle's force is sticking."""
 
 
 @by_reference
 class ContactDerivatives(NamedTuple):
-    """What the wrench of contacts is at another pose and velocity, to first order.
+    """First-order model of the wrench of contacts at another pose and velocity.
 
     After a displacement d and at a velocity v it is `wrench - damped - stiffness d - damping v`.
     """
@@ -44,11 +44,11 @@ class ContactDerivatives(NamedTuple):
     damping: NDArray[np.float64]
     """(6, 6) [N s/m, N s/rad; N s, N m s/rad]."""
     damped: NDArray[np.float64]
-    """The part of the wrench that is due to the velocity, (6,) [N, N m]."""
+    """The velocity-dependent part of the wrench, (6,) [N, N m]."""
 
 
 class SlipMotion(NamedTuple):
-    """The tool's motion up to the pose, for friction that slips."""
+    """The tool's motion up to the pose, for slipping friction."""
 
     twist: NDArray[np.float64]
     """Velocity of the centre of mass and angular velocity, world axes (6,); zero if unknown."""
@@ -100,7 +100,7 @@ def contact_stiffness(contacts, pose, centre, parameters, motion, out):
         drag = 0.0
         for i in range(3):
             drag += (force[i] - along * m[i]) ** 2
-        # Friction is limited by the normal force, which the damping is part of.
+        # The friction limit is that of the normal force including damping.
         drag = math.sqrt(drag)
         if drag < _STICKS * friction * along * math.sqrt(square):
             _add_tangential(arm, slope_normal, sticking, out.stiffness)
@@ -127,7 +127,7 @@ def _slip_speed(arm, direction, twist):
 
 @inner_kernel
 def _add_tangential(arm, direction, stiffness, out):
-    """Add a stiffness perpendicular to a direction: in all directions less that one."""
+    """Add an isotropic stiffness perpendicular to a direction."""
     (mx, my, mz) = direction
     _add_spring(arm, (1.0, 0.0, 0.0), stiffness, out)
     _add_spring(arm, (0.0, 1.0, 0.0), stiffness, out)

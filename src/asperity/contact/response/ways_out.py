@@ -1,7 +1,7 @@
 """Choices of directions by which the tool leaves all parts of a contact, and their lengths.
 
-See `potential`. The length of one choice is the solution of a non-negative least-squares problem
-with as many unknowns as parts, by an active-set method.
+See `potential`. The length of a choice is the solution of a non-negative least-squares problem with
+as many unknowns as parts, by an active-set method.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from asperity._core.structures import by_reference
 from asperity.contact.manifold.separation import MAX_PARTS
 
 RATIO = 1.5
-"""R: a way out counts while it is shorter than this times the least one."""
+"""R: multiple of the least way out below which another one counts."""
 MAX_CHOICES = 48
-"""Room for choices; longer ones are left out."""
+"""Maximum number of choices; further ones are ignored."""
 
 
 @by_reference
 class WaysOut(NamedTuple):
-    """Room for the choices of directions, one for each part."""
+    """Scratch memory for the choices of one direction for each part."""
 
     choices: NDArray[np.int64]
     """Row of each part's separation, -1 for none; (choices, parts)."""
     shares: NDArray[np.float64]
-    """Multipliers lambda of each choice's parts [m], 0 for those that it need not heed."""
+    """Multipliers lambda of each choice's parts [m], 0 for inactive ones."""
     rows: NDArray[np.int64]
     """Scratch memory for one choice, (parts,)."""
     row_shares: NDArray[np.float64]
@@ -41,11 +41,11 @@ class WaysOut(NamedTuple):
     alike: NDArray[np.float64]
     """S, (choices, choices)."""
     inputs: NDArray[np.float64]
-    """Of each separation: depth, g, share, normal; (separations, 6)."""
+    """Scaled depth, scaled g, share and normal of each separation, (separations, 6)."""
 
 
 def ways_out(separations: int) -> WaysOut:
-    """Allocate room for the choices among so many separations."""
+    """Allocate memory for the choices among `separations` separations."""
     return WaysOut(
         np.zeros((MAX_CHOICES, MAX_PARTS), np.int64),
         np.zeros((MAX_CHOICES, MAX_PARTS)),
@@ -67,7 +67,7 @@ def _gram(one, two):
 
 @inner_kernel
 def _solve(inputs, rows, active, count, out):
-    """Fill the multipliers of the active parts, so that each is just left; by Cholesky."""
+    """Fill the multipliers that make the constraints of the active parts equalities (Cholesky)."""
     factor = stack_array((MAX_PARTS, MAX_PARTS))
     for i in range(count):
         one = inputs[rows[int(active[i])]]
@@ -89,14 +89,14 @@ def _solve(inputs, rows, active, count, out):
 
 @inner_kernel
 def choose_active(inputs, rows, parts, shares):
-    """Fill the multipliers (parts,) of one choice: a non-negative least-squares problem."""
+    """Fill the multipliers (parts,) of one choice by the active-set method."""
     active, values = stack_array((MAX_PARTS,)), stack_array((MAX_PARTS,))
     deepest = 0
     for p in range(parts):
         if inputs[rows[p], 0] > inputs[rows[deepest], 0]:
             deepest = p
     active[0], count = float(deepest), 1
-    grain = 1e-12 * inputs[rows[deepest], 0]
+    rounding = 1e-12 * inputs[rows[deepest], 0]
     for _ in range(6 * MAX_PARTS):
         _solve(inputs, rows, active, count, values)
         worst = -1
@@ -108,7 +108,7 @@ def choose_active(inputs, rows, parts, shares):
                 active[i] = active[i + 1]
             count -= 1
             continue
-        most, missing = grain, -1
+        most, missing = rounding, -1
         for p in range(parts):
             reached = 0.0
             for i in range(count):
@@ -127,7 +127,7 @@ def choose_active(inputs, rows, parts, shares):
 
 @inner_kernel
 def update_choice(inputs, rows, parts, shares):
-    """Solve a choice anew for the parts that it heeds; return |tau|."""
+    """Solve a choice again for its active parts; return |tau|."""
     active, values = stack_array((MAX_PARTS,)), stack_array((MAX_PARTS,))
     count = 0
     for p in range(parts):
@@ -158,7 +158,7 @@ def _product(inputs, ways, parts, c, d):
 
 @inner_kernel
 def fill_alike(ways, parts, count):
-    """Fill S of all choices, whose lengths are known."""
+    """Fill S of all choices from their lengths and multipliers."""
     for c in range(count):
         ways.alike[c, c] = 1.0
         for d in range(c):
@@ -168,7 +168,7 @@ def fill_alike(ways, parts, count):
 
 @inner_kernel
 def update_choices(ways, parts, count):
-    """Solve all choices anew for changed inputs, and fill S."""
+    """Solve all choices again for changed inputs, and fill S."""
     inputs = ways.inputs
     for c in range(count):
         ways.length[c] = update_choice(inputs, ways.choices[c], parts, ways.shares[c])
@@ -177,9 +177,9 @@ def update_choices(ways, parts, count):
 
 @inner_kernel
 def fill_choices(separations, used, parts, most, ways):
-    """Fill the choices whose length may count, and their multipliers; return how many there are.
+    """Fill the choices short enough to count, and their multipliers; return their number.
 
-    They may count if the soft least is at most `most` times the least length.
+    Short enough is for a smooth minimum of at most `most` times the least length.
     """
     inputs = ways.inputs
     first, past, at = (
