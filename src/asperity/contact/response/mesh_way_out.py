@@ -42,6 +42,8 @@ _COVERED = 0.5
 """Fraction of another choice's distances that a choice covers, above which domination begins."""
 _LITTLE = 0.1
 """Fraction of a depth below which covering it counts less towards domination."""
+_ALIKE = 0.05
+"""Difference of the distances of two choices, over the length, below which they begin to be one."""
 _STEP = 1e-5
 """Relative step of the central differences."""
 
@@ -55,6 +57,8 @@ class MeshChoices(NamedTuple):
     """Bit i: whether the i-th direction that counts belongs to the choice, (choices,)."""
     needed: NDArray[np.float64]
     """Distance along each of them that a choice has to cover [m], (choices, 6)."""
+    distinct: NDArray[np.float64]
+    """How far a choice differs from all before it, 0 to 1; (choices,)."""
     share: NDArray[np.float64]
     """Blending weight of a choice, 0 if it is dominated; (choices,)."""
     alone: NDArray[np.float64]
@@ -74,6 +78,7 @@ def mesh_choices() -> MeshChoices:
         ways=ways,
         members=np.zeros(len(ways.length), np.int64),
         needed=np.zeros((len(ways.length), DIRECTIONS)),
+        distinct=np.zeros(len(ways.length)),
         share=np.zeros(len(ways.length)),
         alone=np.zeros(len(ways.length)),
         number=np.zeros(DIRECTIONS, np.int64),
@@ -130,15 +135,32 @@ def _domination(choices, rows, c, other):
 
 
 @inner_kernel
+def _fill_distinct(choices, rows, count):
+    """Fill how far each choice differs from those before it.
+
+    A direction that begins to overlap doubles all choices: each with it and without.
+    """
+    for c in range(count):
+        distinct = 1.0
+        for other in range(c):
+            off = 0.0
+            for i in range(rows):
+                off = max(off, abs(choices.needed[c, i] - choices.needed[other, i]))
+            distinct *= smooth_step(off / (_ALIKE * choices.ways.length[other]))
+        choices.distinct[c] = distinct
+
+
+@inner_kernel
 def _fill_shares(choices, rows, count):
     """Fill the shares of the choices."""
     length = choices.ways.length
+    _fill_distinct(choices, rows, count)
     for c in range(count):
-        share = 1.0
+        share = choices.distinct[c]
         for other in range(count):
             if other == c:
                 continue
-            more = _domination(choices, rows, c, other)
+            more = choices.distinct[other] * _domination(choices, rows, c, other)
             if more > 0.0:
                 ratio = (length[c] / length[other] - 1.0) / _LONGER
                 longer = smooth_step(ratio)
