@@ -46,7 +46,7 @@ class Pair:
 
     @property
     def slip(self) -> float:
-        """Slip after which points of contact are forgotten [m]."""
+        """Slip after which points of contact are discarded [m]."""
         return self.wave / 20.0
 
 

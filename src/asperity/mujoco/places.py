@@ -26,7 +26,7 @@ from asperity._core.structures import by_reference
 _LIFT = 2e-4
 """Largest separation of the surfaces at a stored place [m]."""
 _ALONG = 0.9
-"""Least cosine between the normals of places of one contact."""
+"""Smallest cosine between the normals of places of one contact."""
 _CREEP = 1e-2
 """Slip speed above which a contact is not divided [m/s]."""
 _WHILE = 0.05

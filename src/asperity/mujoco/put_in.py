@@ -19,7 +19,7 @@ from asperity.mujoco.places import calmness, divide_stiffness, update_places
 from asperity.mujoco.rows import MARK, Found, Tables
 
 LEAST_FRICTION = 1e-5
-"""Least coefficient of friction, as in MuJoCo, which divides by it."""
+"""Smallest coefficient of friction, as in MuJoCo, which divides by it."""
 
 
 class Velocities(NamedTuple):

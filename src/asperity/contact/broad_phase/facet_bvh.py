@@ -72,7 +72,7 @@ class FacetTable(NamedTuple):
     bends: Array
     """Bounds of the first [1/m] and second [1/m^2] derivatives of the normal, (n, 2)."""
     least: Array
-    """Least length of w, (n,)."""
+    """Smallest length of w, (n,)."""
     place: Array
     """Position on the texture, or in its frame: at the centre, by x, by y; (n, 9) [m]."""
     spread: Array

@@ -42,7 +42,7 @@ OpenBLAS uses threads for each of them, which takes three to ten times as long."
 _LEFT = Path("__tracked_surface.stl")
 """File that fTetWild leaves in the working folder."""
 _FLAT = 1e-6
-"""Least volume of a tetrahedron, over the cube of its longest edge."""
+"""Smallest volume of a tetrahedron, over the cube of its longest edge."""
 
 
 @dataclass(frozen=True, eq=False)

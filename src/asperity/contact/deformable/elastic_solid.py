@@ -75,8 +75,8 @@ class ElasticSolid:
     layer_thickness, layer_modulus : float, optional
         Of the layer with the texture [m], [Pa]; by default half the spacing, and the body's.
     pitch : float, optional
-        Distance between taxels [m]; by default an eighth of the spacing or a third of the texture's
-        shortest wave, whichever is less.
+        Distance between taxels [m]; by default the smaller of an eighth of the spacing and a third
+        of the texture's shortest wavelength.
 
     Raises
     ------

@@ -34,7 +34,7 @@ from asperity.contact.soft.taxel_sums import (
 )
 
 COLLAPSED = 1e-4
-"""Least area of a triangle, as a fraction of that at rest."""
+"""Smallest area of a triangle, as a fraction of that at rest."""
 
 
 @inner_kernel

@@ -13,7 +13,7 @@ from asperity.contact.deformable.surface import DeformableSurface
 from asperity.contact.deformable.surface_contact import SurfaceContact
 
 _STEEPEST = 0.2
-"""Least cosine between z and the normal of a visible triangle, as for taxels of a soft skin."""
+"""Smallest cosine between z and the normal of a visible triangle, as for taxels of a soft skin."""
 _MOST_CELLS = 256
 """Maximum number of cells along one side of the grid."""
 _SAMPLES = 4

@@ -204,7 +204,7 @@ def _is_beside_least(rows, i, least, rough, aligned):
 
 @inner_kernel
 def _reach_over_edges(geometry, found, frames, rough):
-    """Return how far to extend the face of a direction beyond its edges, for bumps there [m].
+    """Return the distance by which to extend a face beyond its edges, for bumps there [m].
 
     It is 0 where the other geom is within all edges that are not covered.
     """

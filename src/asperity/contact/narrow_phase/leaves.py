@@ -16,7 +16,7 @@ _RIDGE = 1e-6
 _ACTIVE = 1e-9
 """Distance of a point from a limit below which the limit is active [m]."""
 _CORNER = 1e-3
-"""Least sine between two active limits, and least multiplier of each, at a corner."""
+"""Smallest sine between two active limits, and least multiplier of each, at a corner."""
 
 
 @inner_kernel

@@ -117,7 +117,7 @@ def _fill_needed(choices, rows, c):
 
 @inner_kernel
 def _domination(choices, rows, c, other):
-    """Return how far choice `c` covers all distances of another one, 0 to 1."""
+    """Return the degree to which choice `c` covers all distances of another one, 0 to 1."""
     part = 1.0
     for i in range(rows):
         need = choices.needed[other, i]

@@ -26,7 +26,7 @@ unit vector `along` [m]; their directions are within `spread` of `along` [-], th
 NONE, SEVERAL = -1, -2
 """Values in place of a geom's number."""
 _STEEP = 0.05
-"""Least cosine between a lone sheet's normal and a ray."""
+"""Smallest cosine between a lone sheet's normal and a ray."""
 
 
 @small_kernel

@@ -21,9 +21,9 @@ from asperity.geometry.poses import rotation_of
 MOST_TAXELS = 1024
 """Maximum number of taxels along one side of the grid."""
 _STEEPEST = 0.2
-"""Least cosine between `facing` and the surface of a taxel."""
+"""Smallest cosine between `facing` and the surface of a taxel."""
 _THINNEST = 0.05
-"""Least thickness of the layer over a lump, as a fraction of its thickness."""
+"""Smallest thickness of the layer over a lump, as a fraction of its thickness."""
 
 
 def foundation_modulus(modulus: float, poisson: float, thickness: float) -> float:

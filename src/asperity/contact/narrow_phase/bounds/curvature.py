@@ -7,7 +7,7 @@ Along a unit direction of the parameters of the first patch, with `G = (slope of
 K the curvature of the other's height over (u, v), for which the same expression holds with its
 own parameters and `(-slope, 1)`. The bases' parts are concave and kept as matrices; t, t', t'' of
 either texture are bounded by its pyramid, w' and w'' by the curvature of the base. The sum is a
-matrix M with `f <= f(c) + f'(c) d + d^T M d / 2` all over the box round c.
+matrix M with `f <= f(c) + f'(c) d + d^T M d / 2` everywhere in the box about c.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ class TextureBounds(NamedTuple):
     lateral: float
     """Largest lateral part of w, at most 1."""
     min_root: float
-    """Least and largest root; -1 beyond the ellipse."""
+    """Smallest and largest root; -1 beyond the ellipse."""
     max_root: float
 
 
