@@ -181,7 +181,7 @@ def elastic_body(
     stiffness, mass = stiffness_and_mass(points, cells, unknowns, (modulus, poisson, density))
     free = np.setdiff1d(np.arange(stiffness.shape[0]), held_unknowns(cells, unknowns, is_held))
     onto = embedding(mesh, points, cells, unknowns)[:, free]
-    shapes, frequencies, compliance = _reduced(
+    shapes, frequencies, compliance = _reduce(
         stiffness[free][:, free], mass[free][:, free], onto, int(modes)
     )
     whole = float(density * _volumes(points, cells).sum())
@@ -271,7 +271,7 @@ def _refuse_inverted(points: Array, cells: Indices) -> None:
         )
 
 
-def _reduced(stiffness: Any, mass: Any, onto: Any, count: int) -> tuple[Array, Array, Array]:
+def _reduce(stiffness: Any, mass: Any, onto: Any, count: int) -> tuple[Array, Array, Array]:
     """Return modes at the vertices, their angular frequencies, and the static compliance."""
     from scipy.sparse.linalg import LinearOperator, eigsh, splu
 

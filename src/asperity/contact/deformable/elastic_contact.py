@@ -51,7 +51,7 @@ _CLOSE = 1e-9
 _add_product, _agreeing = Repeated(add_product), Repeated(agreeing_forces)
 _disagreement, _displaced = Repeated(disagreement), Repeated(displaced)
 _farthest, _first_turned = Repeated(farthest), Repeated(first_turned)
-_pull_on_modes, _stored = Repeated(pull_on_modes), Repeated(stored)
+_pull_on_modes, _stored_energy = Repeated(pull_on_modes), Repeated(stored)
 _yielding = Repeated(yielding_stiffness)
 
 
@@ -132,7 +132,7 @@ class ElasticContact:
     def energy(self) -> float:
         """Elastic energy of the body and of the layer [J]."""
         modal = float(((self.body.frequencies * self._q) ** 2).sum())
-        return self.surface.energy + 0.5 * (modal + _stored(self._residual, self._force))
+        return self.surface.energy + 0.5 * (modal + _stored_energy(self._residual, self._force))
 
     @property
     def is_accurate(self) -> bool:
@@ -218,30 +218,30 @@ class ElasticContact:
         goal = _STEP_ERROR * self.surface.surface.thickness
         # Start from the extrapolated motion: with the last forces instead, these would jump.
         u = self._u + dt * self._speed
-        error = self._error(u, free, dt)
+        error = self._contact_residual(u, free, dt)
         first = force = self.surface.state.force.ravel().copy()
         slipping = 1.0
         for _ in range(_NEWTON_STEPS):
             if error <= goal:
                 break
             better, share = self._solved(free, self._yield, dt, slipping), 1.0
-            target, start = _plus(free, self._yield, better), (u, force)
+            target, start = _add_to(free, self._yield, better), (u, force)
             for _ in range(_HALVINGS):
                 u = start[0] + share * (target - start[0])
                 force = start[1] + share * (better - start[1])
-                found = self._error(u, free, dt)
+                found = self._contact_residual(u, free, dt)
                 if found < error:
                     break
                 share *= 0.5
             if found >= error and slipping:
                 # Near the speed at which friction saturates, its slope misleads Newton's method.
                 (u, force), slipping = start, 0.0
-                found = self._error(u, free, dt)
+                found = self._contact_residual(u, free, dt)
             error = found
         self.error = error
         return force, (self._found.copy() if force is first else u)
 
-    def _error(self, u: Array, free: Array, dt: float) -> float:
+    def _contact_residual(self, u: Array, free: Array, dt: float) -> float:
         """Return the residual: displacements minus those caused by their contact [m].
 
         Fills `_found` with the latter.
@@ -311,12 +311,12 @@ class ElasticContact:
         self._acting = compliance, math.inf
         thickness = self.surface.surface.thickness
         force = self._force
-        u = _plus(none, compliance, force)
+        u = _add_to(none, compliance, force)
         self._press(u, none)
-        energy = self._stored(u, force)
+        energy = self._total_energy(u, force)
         for turn in range(most + 1):
             better = self._solved(none, compliance, np.inf)
-            target = _plus(none, compliance, better)
+            target = _add_to(none, compliance, better)
             self.error = float(np.abs(target - u).max())
             # Convergence is linear, since K ignores the rotation of normals.
             goal = close if turn < most else max(close, _STEP_ERROR)
@@ -329,14 +329,14 @@ class ElasticContact:
             while True:
                 trial = u + share * (target - u), force + share * (better - force)
                 self._press(trial[0], none)
-                found = self._stored(*trial)
+                found = self._total_energy(*trial)
                 if found <= energy * (1.0 + 1e-12) or share < 1e-6:
                     break
                 share *= 0.5
             (u, force), energy = trial, found
         raise AsperityError(f"the elastic body did not come to rest within {most} steps of Newton")
 
-    def _stored(self, u: Array, force: Array) -> float:
+    def _total_energy(self, u: Array, force: Array) -> float:
         """Return the energy of body and layer [J]."""
         return self.surface.energy + 0.5 * float(u @ force)
 
@@ -370,7 +370,7 @@ class ElasticContact:
             )
 
 
-def _plus(start: Array, matrix: Array, vector: Array) -> Array:
+def _add_to(start: Array, matrix: Array, vector: Array) -> Array:
     """Return `start` plus a symmetric matrix times a sparse vector."""
     out = start.copy()
     _add_product(matrix, vector, out)

@@ -178,7 +178,7 @@ class ElasticSolid:
         """The surface, and nodes (n, 3) [m] and tetrahedra (t, 4) in it, in the body's frame."""
         assert self.spacing is not None
         if self.body.mesh is not None:
-            return self.body.mesh, *self._filled(self.body.mesh, self.spacing)
+            return self.body.mesh, *self._fill_with_tetrahedra(self.body.mesh, self.spacing)
         geom = self.body.geoms[0]
         counts = box_counts(geom.size, self.spacing)
         if _vertices(counts) > MOST_VERTICES or 6 * np.prod(counts) > MOST_TETRAHEDRA:
@@ -193,9 +193,9 @@ class ElasticSolid:
         mesh = mesh_from_arrays(placed[used], corner.reshape(-1, 3), name=self.body.name)
         return mesh, placed, tetrahedra
 
-    def _filled(self, mesh: Mesh, spacing: float) -> tuple[Array, Indices]:
+    def _fill_with_tetrahedra(self, mesh: Mesh, spacing: float) -> tuple[Array, Indices]:
         """Return nodes and tetrahedra that fill a mesh, cached on disk."""
-        file = _kept(f"tetrahedra {spacing!r}", mesh.vertices, mesh.faces)
+        file = _cache_file(f"tetrahedra {spacing!r}", mesh.vertices, mesh.faces)
         found = read_arrays(file) or {}
         if not {"nodes", "tetrahedra"} <= found.keys():
             try:
@@ -237,7 +237,7 @@ class ElasticSolid:
         """The body in modal form, from the cache on disk if possible."""
         mesh, nodes, tetrahedra = self.divided
         inputs = (mesh.vertices, mesh.faces, nodes, tetrahedra, self.held(nodes))
-        file = _kept(f"modal {self.poisson!r} {self.modes}", *inputs)
+        file = _cache_file(f"modal {self.poisson!r} {self.modes}", *inputs)
         found, v = read_arrays(file) or {}, len(mesh.vertices)
         shapes = {
             "modes": (3 * v, self.modes), "frequencies": (self.modes,),
@@ -288,7 +288,7 @@ def _vertices(counts: tuple[int, int, int]) -> int:
     return int(np.prod([n + 1 for n in counts]) - inner)
 
 
-def _kept(what: str, *arrays: Any) -> Path:
+def _cache_file(what: str, *arrays: Any) -> Path:
     """Return the cache file of a result computed from arrays by this version of the code."""
     code = source_hash(Path(__file__).with_name("elastic_body.py"))
     digest = hashlib.sha256(f"{code} {what}".encode())

@@ -68,7 +68,7 @@ def stiffness_and_mass(
     rates = np.empty((len(cells), 4, 3))
     rates[:, 1:] = np.swapaxes(np.linalg.inv(edges), 1, 2)
     rates[:, 0] = -rates[:, 1:].sum(axis=1)
-    slopes, squares = _reference(unknowns.shape[1])
+    slopes, squares = _reference_means(unknowns.shape[1])
     # Mean of dN_m/dx_a times dN_n/dx_b, and with it Hooke's law.
     product = np.einsum("minj,tia,tjb->tmanb", slopes, rates, rates, optimize=True)
     law = dilation * product + shear * np.swapaxes(product, 2, 4)
@@ -85,7 +85,7 @@ def stiffness_and_mass(
     return made[0], made[1]
 
 
-def _reference(count: int) -> tuple[Array, Array]:
+def _reference_means(count: int) -> tuple[Array, Array]:
     """Return means over an element: of `dN_m/dl_i dN_n/dl_j` and of `N_m N_n`."""
     two = (np.ones((4, 4)) + np.eye(4)) / 20.0  # of l_i l_j
     if count == 4:

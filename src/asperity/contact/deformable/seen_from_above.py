@@ -78,20 +78,20 @@ class SeenFromAbove:
     @property
     def pressure(self) -> Array:
         """Pressure along each taxel's ray [Pa], (rows, columns)."""
-        return self._spread(self._contact.out.traction[:, 0])
+        return self._to_grid(self._contact.out.traction[:, 0])
 
     @property
     def shear(self) -> Array:
         """Traction normal to each taxel's ray, along x and y [Pa], (rows, columns, 2)."""
         along = self._contact.state.taxels.along[:, :, :2]
-        return self._spread(np.einsum("nk,nki->ni", self._contact.out.traction[:, 1:], along))
+        return self._to_grid(np.einsum("nk,nki->ni", self._contact.out.traction[:, 1:], along))
 
     @property
     def contact_area(self) -> float:
         """Area of the taxels in contact [m^2]."""
         return self._contact.contact_area
 
-    def _spread(self, values: Array) -> Array:
+    def _to_grid(self, values: Array) -> Array:
         found = values[self._grid.taxel]
         found[self._grid.taxel < 0] = 0.0
         return np.asarray(found.mean(axis=(2, 3)))

@@ -149,7 +149,7 @@ class DeformableSurface:
         starts = np.searchsorted(shared.ravel()[members], np.arange(shared.max() + 2))
         faces = np.array(mesh.faces, dtype=np.int64)
         return SurfaceArrays(
-            faces, shared, members, starts, _tilt(corners, self.normals, mesh.normals), area,
+            faces, shared, members, starts, _components(corners, self.normals, mesh.normals), area,
             highest, first, weight, height,
         )  # fmt: skip
 
@@ -182,7 +182,7 @@ def _shared_normals(mesh: Mesh) -> Indices:
     return shared.reshape(-1, 3).astype(np.int64)
 
 
-def _tilt(corners: Array, across: Array, normals: Array) -> Array:
+def _components(corners: Array, across: Array, normals: Array) -> Array:
     """Return the normals at corners (m, 3, 3) in terms of two edges and the triangle's normal."""
     axes = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], across], axis=2)
     return np.ascontiguousarray(np.linalg.solve(axes[:, None], normals[..., None])[..., 0])

@@ -215,7 +215,7 @@ class SurfaceContact:
         return self.state.force.copy()
 
     @property
-    def _pressed(self) -> Indices:
+    def _pressed_vertices(self) -> Indices:
         return self.out.pressed[: self.out.pressed[-1]]
 
     @property
@@ -244,7 +244,7 @@ class SurfaceContact:
     @property
     def contact_area(self) -> float:
         """Area at rest of the taxels in contact [m^2]."""
-        return float(self.surface.taxel_area[self._pressed].sum())
+        return float(self.surface.taxel_area[self._pressed_vertices].sum())
 
     def stiffness(self) -> Array:
         """Return the stiffness (6, 6) on the first body with all vertices held.

@@ -35,7 +35,7 @@ def _is_isolated(patch, other, tie, limits):
             det = one.g_x * two.g_y - one.g_y * two.g_x
             if two.g <= -_ACTIVE or abs(det) < _CORNER:
                 continue
-            # The slope is a positive sum of both normals: the overlap falls along either side.
+            # The gradient is a positive combination of both normals: the overlap falls along both.
             by_one = (tie.f_x * two.g_y - tie.f_y * two.g_x) / det
             by_two = (one.g_x * tie.f_y - one.g_y * tie.f_x) / det
             if by_one > _CORNER and by_two > _CORNER:

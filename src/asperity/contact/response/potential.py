@@ -142,8 +142,8 @@ def _smooth_minimum(separations, ways, parts, count, most):
 
 
 @inner_kernel
-def _least_alone(separations, used):
-    """Return the least length of one direction [m]; only that one gets a weight."""
+def _select_shortest(separations, used):
+    """Give a weight to the direction of least length alone; return that length [m]."""
     least = 0
     for i in range(used):
         length = separations[i].scale * separations[i].depth
@@ -217,7 +217,7 @@ def fill_potential(separations, used, parts, lever, ways, rates_out):
             break
         most *= 2.0
     if not s > 0.0:
-        return _least_alone(separations, used)
+        return _select_shortest(separations, used)
     step = _STEP * s
     rise = _excess(separations, ways, parts, count, s + step)
     by_s = (rise - _excess(separations, ways, parts, count, s - step)) / (2.0 * step)

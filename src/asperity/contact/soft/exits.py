@@ -175,7 +175,7 @@ def _last_zero_planar(textures, k, line, low, high, search):
 
 
 @inner_kernel
-def _leave_flat(solids, g, face, x, d, gap, rate):
+def _exit_flat_sheet(solids, g, face, x, d, gap, rate):
     """Return where a ray leaves a flat sheet; its height over the smooth one is gap + rate s."""
     geometry, reach = solids.geometry, solids.reach[g]
     surface, slope = geometry.surface[g], reach.slope
@@ -202,7 +202,7 @@ def _leave_flat(solids, g, face, x, d, gap, rate):
 
 
 @inner_kernel
-def _leave_curved(solids, g, x, d):
+def _exit_curved_sheet(solids, g, x, d):
     """Return where a ray leaves the curved sheet; -inf if it misses it."""
     geometry, reach = solids.geometry, solids.reach[g]
     kind, size = geometry.kind[g], geometry.size[g]
@@ -263,11 +263,11 @@ def exit_of(solids, g, x, d, layer):
             rate, gap = sign * d[axis], sign * x[axis] - half_length(kind, size, axis)
             if rate <= PARALLEL or (low - gap) / rate > min(found, ends) + _CLOSE:
                 continue
-            s = _leave_flat(solids, g, face, x, d, gap, rate)
+            s = _exit_flat_sheet(solids, g, face, x, d, gap, rate)
             if s < found:
                 found, by = s, face
     if kind != PLANE and kind != BOX:
-        s = _leave_curved(solids, g, x, d)
+        s = _exit_curved_sheet(solids, g, x, d)
         if s < found:
             found, by = s, CURVED
     if not found > max(begins, 0.0) or (begins > 0.0 and found > layer):

@@ -46,13 +46,13 @@ def _meets_box(node, x, over, grow, end):
 
 
 @small_kernel
-def _over(part):
+def _reciprocal(part):
     """Return the reciprocal of a direction's component, a large number for 0."""
     return 1.0 / part if abs(part) > 1e-300 else 1e300
 
 
 @inner_kernel
-def _over_rectangle(facet, q, e, aside):
+def _clip_to_rectangle(facet, q, e, aside):
     """Return the range of a ray over a facet's rectangle, widened by `aside`."""
     low, high = -np.inf, np.inf
     for i in range(2):
@@ -67,7 +67,7 @@ def _over_rectangle(facet, q, e, aside):
 
 
 @inner_kernel
-def _leave_facet(solids, g, facet, q, e, foot_out):
+def _exit_facet(solids, g, facet, q, e, foot_out):
     """Return the last s at which a ray leaves a facet's sheet, -inf without one; fill its foot.
 
     `q` and `e` are start and direction in the facet's axes; e[2] is above 0.
@@ -85,7 +85,7 @@ def _leave_facet(solids, g, facet, q, e, foot_out):
     if not facet.is_level:
         search = (is_bracket, facet.bend, 1.1 * (1.0 + facet.slope))
     if not is_bracket:
-        begins, ends = _over_rectangle(facet, q, e, most)
+        begins, ends = _clip_to_rectangle(facet, q, e, most)
         low, high = max(low, begins), min(high, ends)
         s = high
         if low > high:
@@ -129,7 +129,7 @@ def _starts_in_front(meshes, solids, g, x, number):
 
 
 @inner_kernel
-def _counts(meshes, solids, g, ray, found, count, c):
+def _classify_exit(meshes, solids, g, ray, found, count, c):
     """Return whether exit `c` of those `found` (count, 3) near hard edges is on the surface.
 
     1: it is; 0: it is not; -1: it is in front of a neighbour, but the ray starts behind all of
@@ -176,7 +176,7 @@ def _counts(meshes, solids, g, ray, found, count, c):
 
 
 @small_kernel
-def _later(s, number, layer, best):
+def _merge_exit(s, number, layer, best):
     """Return the last exit within a layer and the first beyond it: s, facet, s, facet."""
     last, by, first, by_first = best
     if s <= layer:
@@ -208,7 +208,7 @@ def leave_mesh(meshes, solids, g, x, d, layer):
         return 0.0, -1
     q, e, foot = stack_array((3,)), stack_array((3,)), stack_array((2,))
     found, count = stack_array((_ROOM, 3)), 0
-    over = (_over(d[0]), _over(d[1]), _over(d[2]))
+    over = (_reciprocal(d[0]), _reciprocal(d[1]), _reciprocal(d[2]))
     is_smooth = solids.geometry.texture[solids.geometry.surface[g]] < 0
     entered, best, end = np.inf, (0.0, -1, np.inf, -1), 2.0 * layer
     at, grow = meshes.root[g], meshes.grow[g]
@@ -233,7 +233,7 @@ def leave_mesh(meshes, solids, g, x, d, layer):
                 q[i], e[i] = from_origin(facet, i, x), along_axis(facet, i, d)
             if is_sheet:
                 q[2], e[2] = gap, rate
-                s = _leave_facet(solids, g, facet, q, e, foot)
+                s = _exit_facet(solids, g, facet, q, e, foot)
                 if not 0.0 < s < end:
                     continue
             else:
@@ -245,21 +245,21 @@ def leave_mesh(meshes, solids, g, x, d, layer):
                 if place >= NEAR:
                     entered = min(entered, s)
             elif place == WITHIN and not facet.has_corners:
-                best = _later(s, number, layer, best)
+                best = _merge_exit(s, number, layer, best)
             elif count < _ROOM:
                 found[count, 0], found[count, 1], found[count, 2] = s, number, place
                 count += 1
     nearest, by = np.inf, -1
     for c in range(count):
         s, number = found[c, 0], int(found[c, 1])
-        answer = _counts(meshes, solids, g, (x, d), found, count, c)
+        answer = _classify_exit(meshes, solids, g, (x, d), found, count, c)
         if answer > 0:
-            best = _later(s, number, layer, best)
+            best = _merge_exit(s, number, layer, best)
         elif answer < 0 and s < nearest:
             nearest, by = s, number
     if by >= 0 and best[1] < 0 and best[3] < 0:
         # The sheets do not meet within their extensions: the first exit counts.
-        best = _later(nearest, by, layer, best)
+        best = _merge_exit(nearest, by, layer, best)
     last, by, first, by_first = best
     if by_first >= 0 and first <= entered:
         return first, by_first

@@ -124,7 +124,7 @@ def texture_on(solids, g, on_side, base, w, by_base, by_normal):
 
 
 @inner_kernel
-def _flat_foot(kind, size, face, x, base, w):
+def _fill_flat_foot(kind, size, face, x, base, w):
     axis, sign = face >> 1, 1.0 if face & 1 else -1.0
     level = half_length(kind, size, axis)
     for i in range(3):
@@ -134,7 +134,7 @@ def _flat_foot(kind, size, face, x, base, w):
 
 
 @inner_kernel
-def _round_foot(kind, size, x, base, w):
+def _fill_round_foot(kind, size, x, base, w):
     """Fill the closest point of a ball, capsule or cylinder; return tau, rho, whether on a side."""
     radius, middle, on_side = size[0], 0.0, kind == CYLINDER
     if kind == CYLINDER:
@@ -150,7 +150,7 @@ def _round_foot(kind, size, x, base, w):
 
 
 @inner_kernel
-def _ellipsoid_foot(size, x, base, w):
+def _fill_ellipsoid_foot(size, x, base, w):
     """Fill the closest point of an ellipsoid; return tau, mu and the length of x / (a^2 + mu).
 
     The closest point is a^2 x / (a^2 + mu); mu is the largest root of a convex function, which
@@ -233,20 +233,20 @@ def sheet_at(solids, g, face, x, normal_out):
     by_base, by_normal = stack_array((3,)), stack_array((3,))
     kind, size = solids.geometry.kind[g], solids.geometry.size[g]
     if face >= 0:
-        tau = _flat_foot(kind, size, face, x, base, w)
+        tau = _fill_flat_foot(kind, size, face, x, base, w)
         t = texture_on(solids, g, False, base, w, by_base, by_normal)
         _project_out(by_base, w)
         for i in range(3):
             normal_out[i] = w[i] - by_base[i]
         return tau - t
     if kind == ELLIPSOID:
-        tau, mu, length = _ellipsoid_foot(size, x, base, w)
+        tau, mu, length = _fill_ellipsoid_foot(size, x, base, w)
         t = texture_on(solids, g, False, base, w, by_base, by_normal)
         _pull_back_ellipsoid(size, mu, length, w, by_base, by_normal, normal_out)
         for i in range(3):
             normal_out[i] = w[i] - normal_out[i]
         return tau - t
-    tau, rho, on_side = _round_foot(kind, size, x, base, w)
+    tau, rho, on_side = _fill_round_foot(kind, size, x, base, w)
     t = texture_on(solids, g, on_side, base, w, by_base, by_normal)
     along_axis = by_base[2]
     for i in range(3):
@@ -265,11 +265,11 @@ def lift(solids, g, face, x, normal_out):
     base, by_base, by_normal = stack_array((3,)), stack_array((3,)), stack_array((3,))
     kind, size, on_side = solids.geometry.kind[g], solids.geometry.size[g], False
     if face >= 0:
-        _flat_foot(kind, size, face, x, base, normal_out)
+        _fill_flat_foot(kind, size, face, x, base, normal_out)
     elif kind == ELLIPSOID:
-        _ellipsoid_foot(size, x, base, normal_out)
+        _fill_ellipsoid_foot(size, x, base, normal_out)
     else:
-        _, _, on_side = _round_foot(kind, size, x, base, normal_out)
+        _, _, on_side = _fill_round_foot(kind, size, x, base, normal_out)
     t = texture_on(solids, g, on_side, base, normal_out, by_base, by_normal)
     for i in range(3):
         x[i] = base[i] + t * normal_out[i]

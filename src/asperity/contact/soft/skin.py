@@ -160,17 +160,17 @@ class SoftSkin:
     @property
     def arrays(self) -> TaxelArrays:
         """The taxels, in the order of `cells`."""
-        return self._laid[0]
+        return self._place_taxels[0]
 
     @property
     def cells(self) -> Indices:
         """Number of each taxel's cell, row by row, (n,)."""
-        return self._laid[1]
+        return self._place_taxels[1]
 
     @cached_property
     def extent(self) -> tuple[float, float, float, float]:
         """Ends of the grid along columns, and along rows [m]: first, last, first, last."""
-        ends = np.array([_ends(geom, self.axes[:2]) for geom in self.body.geoms])
+        ends = np.array([_ranges(geom, self.axes[:2]) for geom in self.body.geoms])
         low, high = ends[:, :, 0].min(axis=0), ends[:, :, 1].max(axis=0)
         if not np.isfinite(low).all():
             if self.size is None:
@@ -185,7 +185,7 @@ class SoftSkin:
         return first[0], last[0], first[1], last[1]
 
     @cached_property
-    def _laid(self) -> tuple[TaxelArrays, Indices]:
+    def _place_taxels(self) -> tuple[TaxelArrays, Indices]:
         rows, columns = self.taxels
         first, last, low, high = self.extent
         u = first + (np.arange(columns) + 0.5) * ((last - first) / columns)
@@ -215,7 +215,7 @@ class SoftSkin:
         modulus = self.stiffness_per_area * self.thickness / thickness
         return TaxelArrays(
             points, inwards.copy(), along, cell / cosine[cells], thickness, modulus,
-            _blocks(points, inwards, thickness),
+            _make_blocks(points, inwards, thickness),
         ), cells  # fmt: skip
 
     def _thickness(self, points: Array, inwards: Array) -> Array:
@@ -249,7 +249,7 @@ class SoftSkin:
         return out.reshape(rows, columns, *values.shape[1:])
 
 
-def _blocks(points: Array, inwards: Array, thickness: Array) -> NDArray[np.void]:
+def _make_blocks(points: Array, inwards: Array, thickness: Array) -> NDArray[np.void]:
     """Return the `RAYS` of each block of `BLOCK` taxels."""
     out = np.zeros(-(-len(points) // BLOCK), RAYS)
     for number, rays in enumerate(out):
@@ -270,7 +270,7 @@ def _reach(geom: Geom) -> float:
     return float(np.linalg.norm(geom.position) + sum(geom.size))
 
 
-def _ends(geom: Geom, directions: Array) -> list[tuple[float, float]]:
+def _ranges(geom: Geom, directions: Array) -> list[tuple[float, float]]:
     """Return the range of a geom along each direction [m]."""
     size, out = geom.size, []
     for direction in directions:

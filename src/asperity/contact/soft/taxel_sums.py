@@ -92,7 +92,7 @@ def _add_square(jacobian, share, matrix_out):
 
 
 @inner_kernel
-def _drag_of(most, m, arm, twist, slip):
+def _friction_damping(most, m, arm, twist, slip):
     """Return the friction of a taxel over its slip velocity [N s/m]; fill that velocity (3,)."""
     rx, ry, rz = arm
     slip[0] = twist[0] + twist[4] * rz - twist[5] * ry
@@ -141,7 +141,7 @@ def add_taxel(t, taxels, friction, pose, origin, m, twist, out):
     _add_square(jacobian, slope * area, out.stiffness)
     fx, fy, fz = push * m[0], push * m[1], push * m[2]
     if friction > 0.0:
-        drag = _drag_of(friction * push, m, (rx, ry, rz), twist, slip)
+        drag = _friction_damping(friction * push, m, (rx, ry, rz), twist, slip)
         sx, sy, sz = -drag * slip[0], -drag * slip[1], -drag * slip[2]
         fx, fy, fz = fx + sx, fy + sy, fz + sz
         out.damped[0] += sx
