@@ -84,14 +84,14 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
     fields = list({id(field): field for field in rough}.values())
     places = {id(field): number for number, field in enumerate(fields)}
     texture = [places.get(id(surface.texture), -1) for surface in surfaces]
-    varying = [found for s in surfaces if (found := s.stiffness_map) is not None and _varies(s)]
+    varying = [found for s in surfaces if (found := s.stiffness_map) is not None and _is_graded(s)]
     softs = list({id(found): found for found in varying}.values())
     soft_places = {id(found): len(fields) + number for number, found in enumerate(softs)}
     frictions = list({id(found): found for body in bodies for found in body.friction_maps}.values())
     first = len(fields) + len(softs)
     geoms = [(geom, number) for number, body in enumerate(bodies) for geom in body.geoms]
     laid = [(surfaces[n], geom) for n, (geom, _) in zip(numbers, geoms, strict=True)]
-    around = np.array([_around(surface, surface.laid_map, geom) for surface, geom in laid])
+    around = np.array([_stretch(surface, surface.laid_map, geom) for surface, geom in laid])
     textures = pack([*fields, *softs], frictions)
     geometry = Geometry(
         np.array([KINDS.index(geom.kind) for geom, _ in geoms], dtype=np.int64),
@@ -110,7 +110,7 @@ def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
         _values([_uniform_stiffness(surface) for surface in surfaces]),
         np.array([soft_places.get(id(s.stiffness), -1) for s in surfaces], dtype=np.int64),
         around,
-        np.array([_around(s, s.friction_map, g) for s, g in laid]) / around,
+        np.array([_stretch(s, s.friction_map, g) for s, g in laid]) / around,
         np.zeros(len(geoms), dtype=np.int64),
     )
     return textures, geometry
@@ -139,7 +139,7 @@ def _is_rough(texture: HeightField) -> bool:
     return bool(texture.lowest or texture.highest)
 
 
-def _varies(surface: Surface) -> bool:
+def _is_graded(surface: Surface) -> bool:
     """Return whether the stiffness varies over a surface."""
     found = surface.stiffness_map
     # A cylindrical map covers the sides alone.
@@ -151,7 +151,7 @@ def _uniform_stiffness(surface: Surface) -> float | None:
     found = surface.stiffness_map
     if found is None:
         return surface.stiffness  # type: ignore[return-value]
-    return None if _varies(surface) else found.lowest
+    return None if _is_graded(surface) else found.lowest
 
 
 def _origin(surface: Surface) -> list[float]:
@@ -203,7 +203,7 @@ def _values(values: Sequence[float | None]) -> NDArray[np.float64]:
     return np.array([math.nan if value is None else value for value in values], dtype=np.float64)
 
 
-def _around(surface: Surface, laid: SampledMap | None, geom: Geom) -> float:
+def _stretch(surface: Surface, laid: SampledMap | None, geom: Geom) -> float:
     """Return the factor that stretches a cylindrical map so that it has no seam on a geom."""
     if surface.mapping != "cylindrical" or laid is None or laid.border != "wrap":
         return 1.0

@@ -137,7 +137,7 @@ class BodyContact:
         refuse_for_maps(settings, mapped[tool], [mapped[i] for i in others])
         self._scene = _scene_model(arrays, tool, others)
         self._by_geoms = bool((self.by_facets[list(others)] == 0).any())
-        self._model = _without_meshes(self._scene, self.by_facets)
+        self._model = _exclude_facet_bodies(self._scene, self.by_facets)
         facets = arrays.facets if self.by_facets.any() else None
         room = room or search_room(arrays.geometry, facets, self._by_geoms)
         self._mesh = _mesh_side(arrays, self._scene, self.by_facets, room)
@@ -332,7 +332,7 @@ def _scene_model(arrays: BodyArrays, tool: int, others: Sequence[int]) -> SceneM
     )
 
 
-def _without_meshes(scene: SceneModel, by_facets: NDArray[np.int64]) -> SceneModel:
+def _exclude_facet_bodies(scene: SceneModel, by_facets: NDArray[np.int64]) -> SceneModel:
     """Return the scene without the geoms of bodies whose contact is between facets."""
     number = scene.geom_number.copy()
     number[(number >= 0) & (by_facets[scene.geometry.body[number]] == 1)] = -1

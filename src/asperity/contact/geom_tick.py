@@ -57,7 +57,7 @@ from asperity.geometry.frames import (
 _LEVER = 0.01
 """Length that makes rotations of the tool comparable to translations [m]."""
 _LEAST_SHARE = 1e-9
-"""Least share in the way out of a direction that is a contact."""
+"""Smallest share in the way out of a direction that is a contact."""
 
 
 @inner_kernel

@@ -129,7 +129,7 @@ def _is_added(manifold, p):
 
 
 @inner_kernel
-def _past_region(manifold, p):
+def _end_of_region(manifold, p):
     """Return one past the last patch that may belong to the region of patch `p`."""
     return min(p - manifold.patches[p].part + MAX_PARTS, manifold.count[0].patches)
 
@@ -142,7 +142,7 @@ def _fill_shared(manifold, memory, p, deflection_out):
     """
     share = 0.0
     clear(deflection_out)
-    for q in range(p, _past_region(manifold, p)):
+    for q in range(p, _end_of_region(manifold, p)):
         if _is_same_point(manifold, p, q):
             patch = manifold.patches[q]
             share += patch.weight
@@ -157,7 +157,7 @@ def _fill_shared(manifold, memory, p, deflection_out):
 @inner_kernel
 def _store_shared(manifold, memory, p, deflection):
     """Store bristle and deepest point of all patches with the deepest point of `p`."""
-    for q in range(p, _past_region(manifold, p)):
+    for q in range(p, _end_of_region(manifold, p)):
         if _is_same_point(manifold, p, q):
             patch = manifold.patches[q]
             for k in range(3):

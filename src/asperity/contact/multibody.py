@@ -143,7 +143,7 @@ class MultibodySolver:
     ) -> NDArray[np.float64]:
         """Return the wrenches (bodies, 6) at frames (bodies, 3, 4) with these candidates."""
         out = np.zeros((len(frames), 6))
-        near = self._near(candidates)
+        near = self._have_candidates(candidates)
         centres = frames[:, :, 3] + np.einsum("bij,bj->bi", frames[:, :, :3], self._centres)
         for body, others, contact in self.pairs:
             if not near[body, list(others)].any():
@@ -155,10 +155,10 @@ class MultibodySolver:
             wrench = np.concatenate([turn @ found[:3], turn @ found[3:]])
             contact.turn_to_world(turn, move)
             out[body] += wrench
-            _react(contact.contacts, wrench, centres[body], centres, out)
+            _subtract_reactions(contact.contacts, wrench, centres[body], centres, out)
         return out
 
-    def _near(self, candidates: Candidates) -> NDArray[np.bool_]:
+    def _have_candidates(self, candidates: Candidates) -> NDArray[np.bool_]:
         """Return whether each two bodies have candidates, (bodies, bodies)."""
         near = np.zeros((len(self._names), len(self._names)), bool)
         one, two = self._numbers[candidates.geoms[: candidates.count]].T
@@ -205,7 +205,7 @@ def frame_pose(turn: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray
     return np.concatenate([place, quaternion])
 
 
-def _react(
+def _subtract_reactions(
     contacts: Contacts, wrench: NDArray[np.float64], centre: NDArray[np.float64],
     centres: NDArray[np.float64], out: NDArray[np.float64],
 ) -> None:  # fmt: skip

@@ -17,7 +17,7 @@ from asperity.geometry.poses import require_pose, rotation_of
 _REACH = 4.0
 """Distance from a contact, in spreads, up to which taxels get a force."""
 _FEWEST = 6
-"""Least number of taxels over which a contact is spread."""
+"""Smallest number of taxels over which a contact is spread."""
 
 
 class TaxelForces:

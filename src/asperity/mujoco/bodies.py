@@ -1,9 +1,9 @@
 """Geoms of a MuJoCo model as asperity's bodies, each with its frame in the body that carries it.
 
-A body's texture is one map in the body's frame, over all its geoms: a plate feels the same whether
-it is one box or sixty-four. A geom's or a material's is a map in the frame of each geom (of a mesh:
-in that of its file). Geoms without a texture that may touch one with it are bodies too: simple
-geoms of a body together, a mesh as its convex hull, which is what MuJoCo collides.
+A body's texture is one map in the body's frame, over all its geoms, so that a plate may be one box
+or sixty-four. The texture of a geom or a material is a map in the frame of each geom (for a mesh,
+that of its file). Geoms without a texture that may touch one with it are bodies too: the simple
+geoms of a body together, a mesh as its convex hull, which MuJoCo uses for collisions.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from asperity.scene.mjcf import GEOMS, model_mesh
 from asperity.texture.friction_map import FrictionMap
 
 _HFIELD, _MESH = int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_MESH)
-_USUAL = {"plane": "planar", "box": "planar", "cylinder": "cylindrical"}
-"""Mapping of a texture that is given without one, by kind of geom; else triplanar."""
+_DEFAULT_MAPPINGS = {"plane": "planar", "box": "planar", "cylinder": "cylindrical"}
+"""Default mapping of a texture by kind of geom; else triplanar."""
 _ROUND = ("sphere", "ellipsoid")
 
 
@@ -45,7 +45,7 @@ class Carried:
     geoms: tuple[int, ...]
     """Its geoms in the MuJoCo model, in the order of `body.geoms`; all of them for a mesh."""
     is_flat: bool
-    """Whether it may touch over an area, or all along itself: its contacts are then split."""
+    """Whether it may touch over an area or along an edge: its contacts are then split."""
     is_textured: bool
 
 
@@ -55,16 +55,16 @@ class CarriedBodies:
 
     bodies: tuple[Carried, ...]
     is_textured: NDArray[np.bool_]
-    """Which geoms of the MuJoCo model have a texture, (ngeom,)."""
+    """Whether each geom of the MuJoCo model has a texture, (ngeom,)."""
     top: NDArray[np.float64]
-    """How far the texture of each geom may rise above it [m], (ngeom,)."""
+    """Upper bound of the height of each geom's texture [m], (ngeom,)."""
     friction: NDArray[np.float64]
-    """Coulomb's coefficient that the surface of each geom was given, nan for none; (ngeom,)."""
+    """Coulomb's coefficient given for the surface of each geom, nan for none; (ngeom,)."""
     notes: tuple[str, ...]
 
 
 def carried_bodies(model: mujoco.MjModel, textures: Mapping[str, Any]) -> CarriedBodies:
-    """Return the bodies that the textures make; see `names.resolve` for the names.
+    """Return the bodies for the given textures; see `names.resolve` for the names.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def carried_bodies(model: mujoco.MjModel, textures: Mapping[str, Any]) -> Carrie
     without = {id(surface): replace(surface, friction=None) for surface in surfaces.values()}
     surfaces = {geom: without[id(surface)] for geom, surface in surfaces.items()}
     is_textured = np.zeros(max(model.ngeom, 1), bool)
-    # A map without relief is no texture: its pairs stay MuJoCo's own.
+    # A map of zeros is no texture: MuJoCo computes the contacts of such pairs.
     is_textured[[g for g, surface in surfaces.items() if _matters(surface)]] = True
     bodies: list[Carried] = []
     notes: list[str] = []
@@ -126,7 +126,7 @@ def _matters(surface: Surface) -> bool:
 def _surface(
     model: mujoco.MjModel, geom: int, value: Any, made: dict[tuple[int, str], Surface]
 ) -> Surface:
-    """Return the surface of a geom; `made` are those of the same values and mappings."""
+    """Return the surface of a geom, from the cache `made` by value and mapping if possible."""
     kind = int(model.geom_type[geom])
     simple = GEOMS.get(mujoco.mjtGeom(kind))
     if kind != _HFIELD and simple is None:
@@ -135,25 +135,25 @@ def _surface(
             f"{geom_name(model, geom)} is of type {name}, which can have no texture; valid: "
             f"{', '.join(GEOMS.values())}, hfield"
         )
-    usual = "planar" if kind == _HFIELD else _USUAL.get(simple or "", "triplanar")
-    if (id(value), usual) not in made:
+    default = "planar" if kind == _HFIELD else _DEFAULT_MAPPINGS.get(simple or "", "triplanar")
+    if (id(value), default) not in made:
         try:
-            made[id(value), usual] = surface_of(value, usual)
+            made[id(value), default] = surface_of(value, default)
         except AsperityError as error:
             raise AsperityError(f"{geom_name(model, geom)}: {error}") from None
-    if made[id(value), usual].mapping == "uv" and kind != _MESH:
+    if made[id(value), default].mapping == "uv" and kind != _MESH:
         raise AsperityError(
             f"{geom_name(model, geom)} has no texture coordinates for mapping uv; valid: planar, "
             "triplanar"
         )
-    return made[id(value), usual]
+    return made[id(value), default]
 
 
 def _groups(
     model: mujoco.MjModel, by_geom: Mapping[int, tuple[str, Any]], is_textured: NDArray[np.bool_],
     can_be_touched: NDArray[np.bool_],
 ) -> dict[tuple[Any, ...], list[int]]:  # fmt: skip
-    """Return the geoms that are one body of asperity's, by a key."""
+    """Return the geoms of each of asperity's bodies, by a key."""
     partners = _partners(model, is_textured, can_be_touched)
     groups: dict[tuple[Any, ...], list[int]] = {}
     for geom in range(model.ngeom):
@@ -173,7 +173,7 @@ def _groups(
 def _partners(
     model: mujoco.MjModel, is_textured: NDArray[np.bool_], can_be_touched: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Return which geoms may touch a textured one, by the model's filters."""
+    """Return whether each geom may touch a textured one by the model's filters."""
     kinds, wanted = model.geom_contype, model.geom_conaffinity
     of_textured = np.flatnonzero(is_textured)
     any_kind = np.bitwise_or.reduce(kinds[of_textured]) if of_textured.size else 0
@@ -188,7 +188,7 @@ def _carried(
     model: mujoco.MjModel, key: tuple[Any, ...], geoms: Sequence[int],
     surfaces: Mapping[int, Surface], is_textured: bool, notes: list[str],
 ) -> Carried | None:  # fmt: skip
-    """Return the body of some geoms; None where geoms without a texture cannot be one."""
+    """Return the body of some geoms; None if geoms without a texture cannot be one."""
     kind, first = int(model.geom_type[geoms[0]]), geoms[0]
     name, carrier = geom_name(model, first), int(model.geom_bodyid[first])
     try:
@@ -218,7 +218,7 @@ def _carried(
 
 
 def simple_geom(model: mujoco.MjModel, geom: int, surface: Surface | None, whole: bool) -> Geom:
-    """Return a simple geom, in its body's frame if that is the `whole`, else in its own."""
+    """Return a simple geom, in its body's frame if `whole`, else in its own."""
     kind = GEOMS[mujoco.mjtGeom(int(model.geom_type[geom]))]
     size = model.geom_size[geom]
     if not whole:
@@ -244,7 +244,7 @@ def _of_meshes(
         local = frame_of(model.geom_pos[first], model.geom_quat[first])
         number = int(model.geom_dataid[first])
         turn = rotation_of(model.mesh_quat[number]).T
-        # Out of MuJoCo's frame, that of the inertia, into that of the file.
+        # From MuJoCo's frame, that of the inertia, to that of the file.
         local = np.column_stack(
             [local[:, :3] @ turn, local[:, 3] - local[:, :3] @ turn @ model.mesh_pos[number]]
         )
@@ -263,7 +263,7 @@ def _of_meshes(
     if surface is not None and surface.mapping == "uv":
         uv = np.concatenate([mesh_uv(model, geom) for geom in geoms])
     mesh = mesh_from_arrays(vertices, faces, uv=uv, hard_angle=HARD_ANGLE, name=name)
-    body = Body(name, [_box_round(mesh)], mesh=mesh)
+    body = Body(name, [_bounding_box(mesh)], mesh=mesh)
     if is_textured and surface is not None:
         body = Body(
             name, body.geoms, surface.texture, surface.mapping, surface.offset, mesh,
@@ -273,7 +273,7 @@ def _of_meshes(
 
 
 def _hull(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return vertices and faces of the convex hull of points, wound outwards."""
+    """Return vertices and faces of the convex hull of points, oriented outwards."""
     from scipy.spatial import ConvexHull, QhullError  # slow to import
 
     try:
@@ -297,12 +297,12 @@ def mesh_uv(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
     first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     corners = model.mesh_facetexcoord[first : first + count]
     found = np.asarray(model.mesh_texcoord[start:][corners], dtype=np.float64)
-    # MuJoCo's v runs downwards.
+    # MuJoCo's v is reversed.
     return np.stack([found[:, :, 0], 1.0 - found[:, :, 1]], axis=2)
 
 
-def _box_round(mesh: Mesh) -> Geom:
-    """Return the one geom of a mesh: a box round it, where it may touch."""
+def _bounding_box(mesh: Mesh) -> Geom:
+    """Return the only geom of a mesh body: the mesh's bounding box."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     return Geom("mesh", np.maximum(0.5 * (high - low), 1e-9), 0.5 * (low + high))
 
@@ -315,5 +315,5 @@ def _terrain(
     size = model.hfield_size[int(model.geom_dataid[geom])]
     body = Body(geom_name(model, geom), [Geom("plane", (*size[:2], 0.0), surface=terrain)])
     local = frame_of(model.geom_pos[geom], model.geom_quat[geom])
-    # Its heights are too large for patches that assume a flat base.
+    # Its heights are too large to count as flat, for patches with a flat base.
     return Carried(body, int(model.geom_bodyid[geom]), local, (geom,), False, is_textured)

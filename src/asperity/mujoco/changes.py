@@ -1,4 +1,4 @@
-"""A model that is changed after textures were attached to it."""
+"""Detection of changes of a model after textures were attached to it."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _FIELDS = ("geom_size", "geom_pos", "geom_quat", "geom_dataid", "geom_gap")
 
 
 class AttachedModel:
-    """What asperity has taken from a model, to be compared with the model as it is now."""
+    """Fields of a model that asperity uses, to compare with the current model."""
 
     def __init__(self, model: mujoco.MjModel, bodies: Iterable[Carried]) -> None:
         self._geoms = np.array(sorted({g for one in bodies for g in one.geoms}), np.int64)
         self._values = {name: getattr(model, name)[self._geoms] for name in _FIELDS}
 
     def check(self, model: mujoco.MjModel) -> None:
-        """Refuse a model whose textured geoms, or those that touch them, were changed."""
+        """Refuse a model whose textured geoms, or geoms that touch them, were changed."""
         for name, old in self._values.items():
             now = getattr(model, name)[self._geoms]
             if not np.array_equal(now, old):

@@ -1,4 +1,4 @@
-"""A Gymnasium environment: a finger explores a plate and names its texture.
+"""A Gymnasium environment: a finger explores a plate and classifies its texture.
 
     import asperity.mujoco.exploration
     env = gymnasium.make("asperity/TextureExploration-v0")
@@ -27,10 +27,10 @@ ACTIONS = 25
 _STEPS = 40
 """Steps of simulation in an action: 20 ms."""
 _SPEED, _PRESS = 0.06, (0.2, 1.0)
-"""Largest speed [m/s], and range of the force that presses [N]."""
+"""Largest speed [m/s], and range of the pressing force [N]."""
 _TAXELS = (4, 6)
 _WINDOW = 320
-"""Samples of the acceleration of which the spectrum is taken: 0.16 s."""
+"""Samples of the acceleration in the spectrum: 0.16 s."""
 _BANDS = 20
 """Bands of the spectrum, from 6 Hz to 1 kHz."""
 _MODEL = """<mujoco><option timestep="0.0005" gravity="0 0 0" cone="elliptic"/>
@@ -58,12 +58,12 @@ def usual_textures() -> dict[str, HeightField]:
 class TextureExploration(gymnasium.Env[NDArray[np.float64], NDArray[np.float64]]):
     """A finger on a textured plate.
 
-    Actions are numbers from -1 to 1: the speed along the plate, the force that presses, and one for
-    each texture, of which the largest is the guess. Observations are place and velocity along and
-    across the plate [m, m/s], the forces there [N], the force on each taxel along its normal [N],
-    and the logarithm of the acceleration's power over the last 0.16 s in 20 bands up to 1 kHz, each
-    a third of an octave or a line of the spectrum. The last action's guess has the reward 1 if it
-    is right.
+    Actions are numbers from -1 to 1: the speed along the plate, the pressing force, and a score for
+    each texture, the largest of which is the guess. Observations are position and velocity along
+    and normal to the plate [m, m/s], the forces there [N], the force on each taxel along its normal
+    [N], and the logarithm of the acceleration's power over the last 0.16 s in 20 bands up to 1 kHz,
+    each a third of an octave or a line of the spectrum. The last action's guess has the reward 1 if
+    it is right.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class TextureExploration(gymnasium.Env[NDArray[np.float64], NDArray[np.float64]]
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Put the finger on a plate by chance; `options={"texture": name}` chooses it."""
+        """Put the finger on a random plate; `options={"texture": name}` chooses it."""
         super().reset(seed=seed)
         names = list(self.textures)
         chosen = (options or {}).get("texture")

@@ -2,11 +2,11 @@
 
 The layer's energy U gives each vertex the force f = -dU/dx (`contact.deformable`). As a contact of
 MuJoCo's at the vertex, with f / |f| as its normal, it acts on the vertex and, opposite, on the
-body of the geom: all of them together are the geom's wrench exactly, since U does not change where
-all is moved or turned alike.
+geom's body: the sum is exactly the geom's wrench, since U is invariant to rigid motions of flex and
+geom together.
 
-The constraint is a spring k and a damper c, see `flex_rows`. k along f is that of all vertices
-moved alike, with which the coupling between vertices only makes it steadier.
+The constraint is a spring k and a damper c, see `flex_rows`. k along f is that for equal motions of
+all vertices, an upper bound that keeps the coupling between vertices stable.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ from asperity.mujoco.put_in import LEAST_FRICTION
 from asperity.mujoco.rows import MARK
 
 _DEEP = 1.9
-"""Depth over the layer's thickness from which a contact stays MuJoCo's own: at 2 the layer ends."""
+"""Depth over the layer's thickness above which MuJoCo's own contact is kept: at 2 the layer ends.
+"""
 _SMALL = 1e-9
-"""Forces over the largest one that are left out."""
+"""Fraction of the largest force below which forces are dropped."""
 
 
 class FlexContact(NamedTuple):
@@ -41,7 +42,7 @@ class FlexContact(NamedTuple):
     energy: float
     """U [J]"""
     numbers: NDArray[np.int64]
-    """Which of `data.contact` they are, (n,)."""
+    """Numbers of its contacts in `data.contact`, (n,)."""
 
 
 class FlexContacts:
@@ -51,7 +52,7 @@ class FlexContacts:
     ----------
     flexes : tuple of FlexSurface
     friction : (ngeom,)
-        Coulomb's coefficient that the surface of each geom was given, nan for none.
+        Coulomb's coefficient given for the surface of each geom, nan for none.
     """
 
     def __init__(self, flexes: tuple[FlexSurface, ...], friction: NDArray[np.float64]) -> None:
@@ -67,9 +68,9 @@ class FlexContacts:
         """By the number of the flex."""
 
     def take(self, model: mujoco.MjModel, records: NDArray[np.void], count: int) -> int:
-        """Take contacts with textured flexes off a list of `count`; return how many stay.
+        """Remove contacts with textured flexes from a list of `count`; return how many remain.
 
-        -1 if the list has asperity's already.
+        -1 if the list already has contacts of asperity's.
         """
         flex, geom = records["flex"][:count, 1], records["geom"][:count, 0]
         if (records["vert"][:count, 0] == MARK).any():
@@ -97,13 +98,13 @@ class FlexContacts:
 
     @property
     def has_taken(self) -> bool:
-        """Whether contacts were taken off the list."""
+        """Whether contacts were removed from the list."""
         return self._templates is not None and len(self._templates) > 0
 
     def add(
         self, model: mujoco.MjModel, data: mujoco.MjData, records: NDArray[np.void], total: int
     ) -> int:
-        """Append the contacts of all flexes to a list of `total`; return how many it has."""
+        """Append the contacts of all flexes to a list of `total`; return its new length."""
         assert self._templates is not None
         self.first, springs = total, []
         bodies = model.geom_bodyid[self._templates["geom"][:, 0]]
@@ -129,7 +130,7 @@ class FlexContacts:
         return total
 
     def _solvers_of(self, one: FlexSurface, carrier: int) -> list[SurfaceContact]:
-        """Return the contacts of the sides of a flex with what a body of the model carries."""
+        """Return the contacts of a flex's sides with the bodies on a body of the model."""
         key = (one.flex, carrier)
         if key not in self._solvers:
             bodies = [carried.body for carried in one.bodies[carrier]]
@@ -140,7 +141,7 @@ class FlexContacts:
         self, data: mujoco.MjData, one: FlexSurface, carrier: int, solvers: list[SurfaceContact],
         places: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-        """Return each vertex's force (v, 3), and its stiffness with all moved alike (v, 3, 3)."""
+        """Return each vertex's force (v, 3), and its stiffness for equal motions (v, 3, 3)."""
         force, stiffness = np.zeros_like(places), np.zeros((len(places), 3, 3))
         poses = [_pose(data, carried) for carried in one.bodies[carrier]]
         for side, solver in zip(one.sides, solvers, strict=True):
@@ -156,7 +157,7 @@ class FlexContacts:
     def _rows(
         model: mujoco.MjModel, one: FlexSurface, carrier: int, force: NDArray[np.float64]
     ) -> NDArray[np.int64]:
-        """Return the vertices on which there is a force, but for those fixed to the body itself."""
+        """Return the vertices with a force, except those fixed to the body itself."""
         size = np.linalg.norm(force, axis=1)
         moves = size > _SMALL * size.max(initial=0.0)
         start = int(model.flex_vertadr[one.flex])
@@ -166,7 +167,7 @@ class FlexContacts:
         return np.flatnonzero(moves)
 
     def _set_friction(self, found: NDArray[np.void], one: FlexSurface) -> None:
-        """Set the friction of contacts, where the flex or the geom was given its own."""
+        """Set the friction of contacts where it was given for the flex or the geom."""
         sliding = np.fmax(self._friction[found["geom"][:, 0]], one.friction)
         known = np.isfinite(sliding)
         found["friction"][known, :2] = np.maximum(sliding[known], LEAST_FRICTION)[:, None]
@@ -175,7 +176,7 @@ class FlexContacts:
         self, model: mujoco.MjModel, data: mujoco.MjData, records: NDArray[np.void],
         dissipation: float,
     ) -> None:  # fmt: skip
-        """Set the constraints of the contacts that `add` has appended, once they have been made.
+        """Set the constraints of the contacts appended by `add`, after MuJoCo has made them.
 
         Parameters
         ----------
@@ -193,7 +194,7 @@ class FlexContacts:
         set_rows(model, data, records[self.first : self.first + count], springs)
 
     def _warn(self, what: str, text: str) -> None:
-        """Warn once of each thing."""
+        """Warn once about each subject."""
         if what not in self._warned:
             self._warned.add(what)
             warnings.warn(text, stacklevel=2)
@@ -217,7 +218,7 @@ def _fill(
     along = np.maximum(along, push / one.sides[0].thickness)
     apart = np.linalg.norm(templates["pos"][None] - at[:, None], axis=2)
     found[:] = templates[apart.argmin(axis=1)]
-    # Any tangents will do.
+    # The tangents are arbitrary.
     axes = np.eye(3)[np.abs(normal).argmin(axis=1)]
     first = np.cross(normal, axes)
     first /= np.linalg.norm(first, axis=1, keepdims=True)

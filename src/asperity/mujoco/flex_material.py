@@ -1,8 +1,8 @@
-"""The elasticity that a flex of a MuJoCo model has: read back from its stiffness.
+"""Elasticity of a flex of a MuJoCo model, recovered from its stiffness.
 
-A model keeps no modulus. Each element has a matrix K that gives its energy by the changes of its
+A model does not store the modulus. Each element has a matrix K for its energy by the changes of its
 edges' squared lengths, `W = sum_ij K_ij s_i s_j / 4`. A Green strain E changes an edge d by
-`s = 2 d.E d` and stores `V (mu tr(E^2) + lambda / 2 tr(E)^2)`: two strains tell mu and lambda.
+`s = 2 d.E d` and stores `V (mu tr(E^2) + lambda / 2 tr(E)^2)`: two strains give mu and lambda.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ def flex_material(
 ) -> tuple[float, float] | None:
     """Return Young's modulus [Pa] and Poisson's ratio [-] of a flex.
 
-    Those of a sheet are as if it were two radii thick. None for a flex without such elements.
+    A sheet counts as two radii thick. None for a flex without such elements.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def flex_material(
     matrix = np.zeros((count, edges, edges))
     rows, columns = np.triu_indices(edges)
     matrix[:, rows, columns] = matrix[:, columns, rows] = stiffness[:, : len(rows)]
-    # Axes within the first side and the element: strains of the plane, or of two directions of it.
+    # Axes along the first side and in the element: an axial strain, and a pure shear of these two.
     one = spans[:, 0] / np.linalg.norm(spans[:, 0], axis=1, keepdims=True)
     two = spans[:, 1] - (spans[:, 1] * one).sum(axis=1, keepdims=True) * one
     two /= np.linalg.norm(two, axis=1, keepdims=True)
@@ -64,7 +64,7 @@ def flex_material(
 
 
 def _stiffness(model: mujoco.MjModel, flex: int) -> NDArray[np.float64] | None:
-    """Return the upper triangles of the elements' matrices, and what follows each of them."""
+    """Return the upper triangles of the elements' matrices, and what is stored after each."""
     count = int(model.flex_elemnum[flex])
     if not hasattr(model, "flex_stiffnessadr"):  # up to MuJoCo 3.6 or so
         start = int(model.flex_elemadr[flex])

@@ -5,9 +5,9 @@ spring k with a damper c and a step h has
 
     K I / R = k,    B / R = c + h k,    1 / R = h c + h^2 k.
 
-So the force is the one at the end of the step, `k (depth - h v') - c v'` with v' = v + h a: stable
-for any step and however light the vertices are, and k depth at rest. This is set in the constraints
-that MuJoCo has made, as `rows` does for rigid geoms.
+So the force is that at the end of the step, `k (depth - h v') - c v'` with v' = v + h a: stable for
+any step and any mass of the vertices, and k depth at rest. This is set in the constraints that
+MuJoCo has made, as `rows` does for rigid geoms.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 _STICKING = 0.02
-"""R of friction over MuJoCo's own, at most: so that bodies do not creep on slopes."""
+"""R of friction over MuJoCo's default, so that bodies do not creep on slopes."""
 _PYRAMIDAL = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL)
 _ELLIPTIC = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC)
 
 
 class Springs(NamedTuple):
-    """Springs and dampers of contacts, a row each."""
+    """Springs and dampers of contacts; rows are contacts."""
 
     stiffness: NDArray[np.float64]
     """k [N/m], (n,)."""

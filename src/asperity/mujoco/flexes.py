@@ -1,6 +1,6 @@
-"""Flexes of a MuJoCo model as deformable textured surfaces, and the bodies that they meet.
+"""Flexes of a MuJoCo model as deformable textured surfaces, and the bodies that they may touch.
 
-MuJoCo's elements have a radius. The textured surface lies that far outside the flex's triangles,
+MuJoCo's elements have a radius. The textured surface is offset by it from the flex's triangles,
 along their normals; between them is the elastic layer (`contact.deformable`). A sheet has two such
 surfaces, one on each side.
 """
@@ -29,9 +29,9 @@ from asperity.scene.mjcf import GEOMS
 from asperity.texture.friction_map import FrictionMap
 
 _MODULUS, _POISSON, _MOST_POISSON = 1e5, 0.3, 0.45
-"""Of a layer [Pa, -] where the flex has none, and the largest ratio that is taken from it."""
-_USUAL_MOST = 100_000
-"""Taxels that the usual pitch gives at most."""
+"""Of the layer of a flex without elasticity [Pa, -], and the largest default of the ratio."""
+_MOST_TAXELS = 100_000
+"""Maximum number of taxels with the default pitch."""
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
 
@@ -46,17 +46,17 @@ class FlexSurface:
     name : str
         For messages.
     sides : tuple of DeformableSurface
-        One, or two of a sheet.
+        One, or two for a sheet.
     vertices : (v,) array of int
-        Which of the flex's vertices are those of the sides' meshes.
+        Numbers of the flex's vertices in the sides' meshes.
     bodies : mapping
-        What it may meet, by the number of the body in the model.
+        Bodies that it may touch, by the number of the body in the model.
     is_met : (ngeom,) array of bool
-        Geoms of these bodies.
+        Whether a geom belongs to these bodies.
     top : float
-        How far the texture rises above the flex's radius [m].
+        Height of the texture above the flex's radius [m].
     friction : float
-        Coulomb's coefficient that it was given, nan for none.
+        Coulomb's coefficient given for it, nan for none.
     damping : float
         Of the layer, over its stiffness [s].
     """
@@ -141,8 +141,8 @@ def _flex_surface(
     own = flex_material(model, flex, places)
     modulus, poisson = own or (_MODULUS, _POISSON)
     modulus = float(modulus if layer.modulus is None else layer.modulus)
-    usual = min(max(float(poisson), 0.0), _MOST_POISSON)
-    poisson = usual if layer.poisson is None else layer.poisson
+    limited = min(max(float(poisson), 0.0), _MOST_POISSON)
+    poisson = limited if layer.poisson is None else layer.poisson
     pitch = layer.pitch
     if pitch is None:
         area = 0.5 * float(np.linalg.norm(crosses(sides), axis=1).sum())
@@ -182,7 +182,7 @@ def flex_triangles(model: mujoco.MjModel, flex: int) -> NDArray[np.int32]:
 def _mesh(
     model: mujoco.MjModel, flex: int, places: NDArray[np.float64], mapping: str, name: str
 ) -> tuple[Mesh, NDArray[np.int64]]:
-    """Return the triangles of a flex at rest, wound outwards, and the vertices that they use."""
+    """Return the triangles of a flex at rest, oriented outwards, and the vertices that they use."""
     used, faces = np.unique(flex_triangles(model, flex), return_inverse=True)
     faces = faces.reshape(-1, 3).astype(np.int64)
     uv = _uv(model, flex, len(places))[used] if mapping == "uv" else None
@@ -206,7 +206,7 @@ def _uv(model: mujoco.MjModel, flex: int, count: int) -> NDArray[np.float64]:
             f"it has {len(found)} texture coordinates for {count} vertices; mapping uv needs one "
             "for each"
         )
-    # MuJoCo's v runs downwards.
+    # MuJoCo's v is reversed.
     return np.asarray(found, dtype=np.float64) * [1.0, -1.0] + [0.0, 1.0]
 
 
@@ -222,7 +222,7 @@ def _turned(mesh: Mesh) -> Mesh:
 def _bodies(
     model: mujoco.MjModel, flex: int, carried: CarriedBodies, name: str, notes: list[str]
 ) -> tuple[dict[int, tuple[Carried, ...]], NDArray[np.bool_]]:
-    """Return what a flex may meet, by the body that carries it, and which geoms these are."""
+    """Return the bodies that a flex may touch, by the body that carries them, and their geoms."""
     kinds, wanted = model.geom_contype, model.geom_conaffinity
     meets = (kinds & model.flex_conaffinity[flex]) | (wanted & model.flex_contype[flex]) != 0
     meets &= touchable(model)
@@ -266,12 +266,12 @@ def _pitch(
     edge: float, area: float, surface: Surface, bodies: Mapping[int, tuple[Carried, ...]],
     name: str, notes: list[str],
 ) -> float:  # fmt: skip
-    """Return the usual distance between taxels [m]."""
+    """Return the default distance between taxels [m]."""
     fields = [f for group in bodies.values() for one in group for f in one.body.fields]
     fields += [surface.texture] if surface.texture is not None else []
     fields = [f for f in fields if f.lowest or f.highest]
     wanted = min([edge / 8.0, *(f.shortest_wavelength / 4.0 for f in fields)])
-    least = float(np.sqrt(area / _USUAL_MOST))
+    least = float(np.sqrt(area / _MOST_TAXELS))
     if wanted < least:
         notes.append(
             f"{name} has taxels {1e3 * least:.3g} mm apart, where a quarter of the shortest wave "

@@ -1,7 +1,7 @@
-"""Functions of the module `mujoco` that feel the textures of some models, while they are installed.
+"""Temporary replacement of functions of the module `mujoco` by ones with textures.
 
-MuJoCo's passive callback is set while a function works on such a model, and only then: with a
-callback of Python's set, MuJoCo compiles no model.
+MuJoCo's passive callback is set only during a call for a textured model: with a Python callback
+set, MuJoCo cannot compile models.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import mujoco
 
 STEPS = ("mj_step", "mj_step1", "mj_forward", "mj_forwardSkip", "mj_inverse", "mj_inverseSkip")
-"""Functions that find contacts. (`mj_step2` goes on from what `mj_step1` has found.)"""
+"""Functions that find contacts. (`mj_step2` continues with those of `mj_step1`.)"""
 Passive = Callable[[mujoco.MjModel, mujoco.MjData], None]
 
 _active: list[tuple[mujoco.MjModel, Passive]] = []
@@ -22,7 +22,7 @@ _originals: dict[str, Callable[..., Any]] = {}
 
 
 class _Hook:
-    """The passive callback while the textures of a model are felt."""
+    """The passive callback for one model with textures."""
 
     __slots__ = ("_before", "_model", "_passive", "errors")
 
@@ -31,7 +31,7 @@ class _Hook:
         self.errors: list[Exception] = []
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Do what MuJoCo's callback does."""
+        """Call `passive` for the model, then the previous callback."""
         if model is self._model and not self.errors:
             try:
                 self._passive(model, data)
@@ -43,9 +43,10 @@ class _Hook:
 
 @contextlib.contextmanager
 def callback(model: mujoco.MjModel, passive: Passive) -> Iterator[None]:
-    """Let MuJoCo call `passive` for `model`, and after it what it has called before.
+    """Set MuJoCo's passive callback to `passive` for `model`, followed by the previous callback.
 
-    What `passive` raises is raised at the end: some versions of MuJoCo end the process otherwise.
+    Exceptions of `passive` are raised at the end: in some versions of MuJoCo they would end the
+    process.
     """
     before = mujoco.get_mjcb_passive()
     hook = _Hook(model, passive, before)
@@ -61,9 +62,9 @@ def callback(model: mujoco.MjModel, passive: Passive) -> Iterator[None]:
 def call(
     model: mujoco.MjModel, passive: Passive, function: Callable[..., Any], *args: Any, **named: Any
 ) -> Any:
-    """Return what a function of MuJoCo's returns if it calls `passive` for `model`; see `callback`.
+    """Call a function of MuJoCo's within `callback`; return its result.
 
-    (A generator would take longer than all else here.)
+    (The generator of `callback` would take longer than the rest.)
     """
     before = mujoco.get_mjcb_passive()
     hook = _Hook(model, passive, before)
@@ -79,7 +80,7 @@ def call(
 
 @contextlib.contextmanager
 def replaced_functions(model: mujoco.MjModel, passive: Passive) -> Iterator[None]:
-    """Replace the functions of `mujoco` by such as call `passive` for `model`; may be nested."""
+    """Replace the functions of `mujoco` by ones that call `passive` for `model`; may be nested."""
     entry = (model, passive)
     if not _active:
         for name in STEPS:
@@ -97,12 +98,12 @@ def replaced_functions(model: mujoco.MjModel, passive: Passive) -> Iterator[None
 
 
 def original(name: str) -> Callable[..., Any]:
-    """Return MuJoCo's own function of a name, whether it is replaced or not."""
+    """Return MuJoCo's original function of a name."""
     return _originals.get(name) or getattr(mujoco, name)
 
 
 def _with_textures(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that calls another one, with the textures of its model."""
+    """Return a function with the textures of the model in its arguments."""
 
     @functools.wraps(function)
     def wrapped(*args: Any, **named: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Margins of textured geoms: MuJoCo reports them to each other before their peaks touch."""
+"""Margins of textured geoms, so that MuJoCo reports contacts before their peaks touch."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ _FIELDS = (
 def widen(
     model: mujoco.MjModel, carried: CarriedBodies, flexes: tuple[FlexSurface, ...]
 ) -> Callable[[], None]:
-    """Widen the gaps of what is textured by the heights of the textures; return what undoes it.
+    """Widen the gaps of textured geoms and flexes by their heights; return a function to undo it.
 
-    Contacts in the gap are reported, and no force acts on them: what `mj_step` computes does not
-    change. Up to MuJoCo 3.9 the gap is the outer part of the margin, which is then wider too.
+    Contacts in the gap are reported without a force, so that results of `mj_step` do not change. Up
+    to MuJoCo 3.9 the gap is the outer part of the margin, which is then widened too.
     """
     fields = [name for name in _FIELDS if hasattr(model, name)]
     before = {name: np.array(getattr(model, name)) for name in fields}
     known = margins()
     own, of_flexes = carried.top.copy(), np.zeros(model.nflex)
     of_flexes[[one.flex for one in flexes]] = [one.top for one in flexes]
-    if not known.adds:  # then the larger of two counts, which has to do for both
+    if not known.adds:  # then the larger of two is used, and has to cover both heights
         most = max(float(own.max(initial=0.0)), float(of_flexes.max(initial=0.0)))
         own[own > 0.0] += most
         of_flexes[of_flexes > 0.0] += most

@@ -1,8 +1,8 @@
-"""MuJoCo's contacts and constraints where they lie: as records and arrays for kernels.
+"""In-place access to MuJoCo's contacts as records for kernels.
 
-`MjData.contact` is a view of structures in MuJoCo's arena. Here the whole arena is seen as an array
-of such structures, so that a kernel reads and writes them in one call. Where the fields lie is
-measured, since it changes from version to version.
+`MjData.contact` is a view of structures in MuJoCo's arena. Here the whole arena is mapped as an
+array of such structures, so that a kernel reads and writes them in one call. The offsets of the
+fields are measured, since they change between versions.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ _PROBE = """<mujoco><worldbody>
 
 
 class Margins(NamedTuple):
-    """What a version of MuJoCo does with margins and gaps."""
+    """Meaning of margins and gaps in a version of MuJoCo."""
 
     adds: bool
-    """Whether the margins of two geoms are added; else the larger one counts."""
+    """Whether the margins of two geoms are added; else the larger one is used."""
     gap_reaches_out: bool
-    """Whether a gap is looked for beyond the margin; else it is the outer part of the margin."""
+    """Whether the gap is outside the margin; else it is the outer part of the margin."""
 
 
 @functools.cache
 def margins() -> Margins:
-    """Return what this version of MuJoCo does with margins and gaps."""
+    """Return the meaning of margins and gaps in this version of MuJoCo."""
     found = _probe(0.001, 0.0)
     return Margins(float(found.contact.includemargin[0]) > 0.0015, _probe(0.0, 0.001).ncon > 0)
 
@@ -47,7 +47,7 @@ def _probe(margin: float, gap: float) -> Any:
 
 @functools.cache
 def contact_type() -> np.dtype[Any]:
-    """Return the type of MuJoCo's contact records, as measured."""
+    """Return the measured type of MuJoCo's contact records."""
     contact = _probe(0.01, 0.0).contact
     names = [name for name in dir(contact) if not name.startswith("_")]
     views = {name: view for name in names if isinstance(view := getattr(contact, name), np.ndarray)}
@@ -69,7 +69,7 @@ def contact_type() -> np.dtype[Any]:
 
 
 def contact_records(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.void]:
-    """Return the room for contacts in the arena of `data`; the first `data.ncon` are contacts.
+    """Return the arena of `data` as contact records, of which the first `data.ncon` are contacts.
 
     It is valid as long as `data` is.
     """

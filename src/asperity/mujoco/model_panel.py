@@ -1,4 +1,4 @@
-"""What a page on a running MuJoCo model shows beside it: state, pause, reset, and its actuators."""
+"""Panel of a page on a running MuJoCo model: state, pause, reset, and actuators."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ _STEPS = 200
 _WINDOW = 1.0
 """Time over which the speed is measured [s]."""
 _REAL_TIME = 0.95
-"""Share of real time from which on it counts as kept."""
+"""Fraction of real time above which the speed is shown as real time."""
 
 
 class ModelPanel:
     """Buttons and sliders of a model that `run_on_page` steps.
 
-    Browsers are served by other threads, so wishes are kept until `act` is called between steps.
+    Browsers are served by other threads, so requests are stored until `act` is called between
+    steps.
     """
 
     def __init__(self, server: Any, surfaces: Surfaces) -> None:
@@ -51,7 +52,7 @@ class ModelPanel:
                 self._controls = [self._add_control(gui, i) for i in range(model.nu)]
 
     def _add_control(self, gui: Any, i: int) -> Any:
-        """Add what sets an actuator: a slider over its range, or a number without one."""
+        """Add the control of an actuator: a slider over its range, or a number without one."""
         actuator = self._model.actuator(i)
         name = actuator.name or f"actuator {i}"
         if actuator.ctrllimited[0]:
@@ -73,7 +74,7 @@ class ModelPanel:
         self._wants_reset = True
 
     def act(self, data: mujoco.MjData) -> bool:
-        """Reset the data and set its controls, as wished; return whether it was reset."""
+        """Apply the requests: reset the data, set its controls; return whether it was reset."""
         for i in list(self._changed):
             data.ctrl[i] = self._changed.pop(i)
         if not self._wants_reset:

@@ -1,4 +1,4 @@
-"""Which geoms and flexes of a MuJoCo model the names of a user mean."""
+"""Resolution of names to geoms and flexes of a MuJoCo model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NO_SURFACE = {
 
 
 class Named(NamedTuple):
-    """The geoms, or the flex, that one name means, and what the user gave for it."""
+    """The geoms or the flex of one name, and the value given for it."""
 
     kind: str
     """"geom", "body", "material" or "flex"."""
@@ -37,7 +37,7 @@ class Named(NamedTuple):
 
 
 def touchable(model: mujoco.MjModel) -> np.ndarray:
-    """Return which geoms take part in collisions, (ngeom,) bool."""
+    """Return whether each geom takes part in collisions, (ngeom,) bool."""
     found = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     if model.npair:
         found[model.pair_geom1] = found[model.pair_geom2] = True
@@ -45,7 +45,7 @@ def touchable(model: mujoco.MjModel) -> np.ndarray:
 
 
 def resolve(model: mujoco.MjModel, textures: Mapping[str, Any]) -> list[Named]:
-    """Return the geoms of every name of `textures`, the least particular names first.
+    """Return the geoms of every name of `textures`, the least specific names first.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def resolve(model: mujoco.MjModel, textures: Mapping[str, Any]) -> list[Named]:
     Raises
     ------
     AsperityError
-        A name that does not exist, means geoms that nothing touches, or is not clear; one line.
+        A name that does not exist, has only geoms without collisions, or is ambiguous; one line.
     """
     if not isinstance(textures, Mapping):
         raise AsperityError(f"textures must be a mapping of names to textures, got {textures!r}")
@@ -100,7 +100,7 @@ def _named(model: mujoco.MjModel, name: str, value: Any) -> Named:
 
 
 def _named_flex(model: mujoco.MjModel, number: int, name: str, value: Any) -> Named:
-    """Return a flex that a name means, unless it takes part in no collisions."""
+    """Return the flex of a name, if it takes part in collisions."""
     if not (model.flex_contype[number] or model.flex_conaffinity[number]):
         raise AsperityError(
             f"flex {name!r} can not be touched (contype and conaffinity are 0); valid: a flex "
@@ -139,7 +139,7 @@ def _names(model: mujoco.MjModel, kind: str) -> list[str]:
 
 
 def geom_name(model: mujoco.MjModel, geom: int) -> str:
-    """Return how a message names a geom."""
+    """Return the name of a geom for messages."""
     name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom)
     if name:
         return f"geom {name!r}"

@@ -1,4 +1,4 @@
-"""A page in the browser on a running MuJoCo model: displaced textures, forces of contacts."""
+"""A browser page on a running MuJoCo model: displaced textures and contact forces."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ _HERE = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 _MOST_GROUP = 2
 """Geoms of higher groups are not shown, as in MuJoCo's own viewer."""
 _LONGEST = 0.25
-"""Length of the arrow of the largest force of late, over the size of what is seen."""
+"""Length of the arrow of the largest recent force, over the size of the view."""
 _FADING = 0.9
-"""Part of the largest force that is left at the next picture."""
+"""Decay factor per picture of the largest recent force."""
 _FINE = 200_000
-"""Triangles by default: a model has more textured geoms than a scene."""
+"""Default number of triangles: a model has more textured geoms than a scene."""
 _WIDE = 10.0
 """Largest extent of a model in units of the view, within which viser draws shadows."""
 _FIELD_OF_VIEW, _FROM = 35.0, np.array([0.7, -0.93, 0.58])
-"""Field of view of browsers [degrees], and where they look from, over the size of what is seen."""
+"""Field of view of browsers [degrees], and position of the camera over the size of the view."""
 _BEHIND, _MOST_STEPS = 0.5, 20
-"""Delay from which on a model no longer catches up with real time [s], and most steps at once."""
+"""Delay above which a model no longer catches up with real time [s], and most steps at once."""
 _IDLE = 0.01
 """Wait of a paused model [s]."""
 
@@ -62,7 +62,7 @@ class ModelPage:
     port : int
         0: any that is free.
     triangles : int
-        Largest number of triangles of all textured geoms together.
+        Maximum number of triangles of all textured geoms.
     now : callable
         Returns the time [s].
 
@@ -128,7 +128,7 @@ class ModelPage:
     def show(self, data: mujoco.MjData) -> bool:
         """Show bodies and forces of the last step, at most 30 times a second.
 
-        Returns whether they were shown: so this may be called in every step.
+        Returns whether they were shown. It may be called in every step.
         """
         if self._now() - self._shown < 1.0 / UPDATE_RATE:
             return False
@@ -151,7 +151,7 @@ class ModelPage:
         return True
 
     def _frame(self, data: mujoco.MjData) -> None:
-        """Have browsers look at what the model's first state occupies, planes apart."""
+        """Fit the cameras of browsers to the model's first state, without planes."""
         radius = self._model.geom_rbound[:, None]
         is_seen = (self._model.geom_group <= _MOST_GROUP) & (radius[:, 0] > 0.0)
         places = np.concatenate([
@@ -172,7 +172,7 @@ class ModelPage:
         first.near, first.far = 0.01 * size, 100.0 * size
 
     def _add_flex(self, flex: int) -> Any:
-        """Add a flex, whose vertices move; it is drawn without its texture."""
+        """Add a flex with moving vertices; it is drawn without its texture."""
         model, start = self._model, mujoco.MjData(self._model)
         mujoco.mj_forward(model, start)
         colour = tuple((255.0 * model.flex_rgba[flex, :3]).round().astype(int).tolist())
@@ -187,7 +187,7 @@ class ModelPage:
         return (self.units * data.flexvert_xpos[start : start + count]).astype(np.float32)
 
     def close(self) -> None:
-        """Take the page down."""
+        """Stop the server of the page."""
         stop_server(self.server)
 
     def __enter__(self) -> ModelPage:
@@ -237,7 +237,7 @@ def run_on_page(surfaces: Surfaces, page: ModelPage, seconds: float | None = Non
 
 
 def contact_forces(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
-    """Return places (n, 3) [m] and forces (n, 3) [N] of all contacts.
+    """Return points (n, 3) [m] and forces (n, 3) [N] of all contacts.
 
     A force is that on the second geom, or on the first if only that one can move.
     """
@@ -254,7 +254,7 @@ def contact_forces(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, A
 
 
 def _shapes(surfaces: Surfaces, triangles: int) -> list[tuple[int, Drawable]]:
-    """Return what is shown, each with the number of the body that carries it, in its frame."""
+    """Return the drawn shapes, each with the number of its body in the model, in its frame."""
     model = surfaces.model
     textured = [one for one in surfaces.bodies if one.is_textured]
     covered: set[int | None] = {geom for one in textured for geom in one.geoms}
@@ -285,7 +285,7 @@ def _shapes(surfaces: Surfaces, triangles: int) -> list[tuple[int, Drawable]]:
 
 
 def _ground(surfaces: Surfaces) -> int | None:
-    """Return the geom that is the ground: a level plane of the world without texture, if any."""
+    """Return the ground geom: a level plane of the world without texture, if any."""
     model = surfaces.model
     textured = {geom for one in surfaces.bodies if one.is_textured for geom in one.geoms}
     for geom in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE).tolist():

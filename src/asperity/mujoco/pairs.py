@@ -1,8 +1,8 @@
-"""The pairs of bodies between which asperity finds the contacts of a MuJoCo model.
+"""Pairs of bodies of a MuJoCo model whose contacts asperity computes.
 
 A pair is one body, the tool, and all bodies of another rigid group: bodies that are welded together
-are one solid, with one potential (`contact.multibody`). The contact of a pair is prepared when it
-is first touched, since most pairs of a robot's bodies never are.
+are one solid, with one potential (`contact.multibody`). The contact of a pair is prepared at its
+first touch, since most pairs of a robot's bodies never touch.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from asperity.mujoco.bodies import Carried, CarriedBodies
 from asperity.mujoco.rows import Found, Tables
 
 _CAVITY = 2e-3
-"""How deep MuJoCo's contact with a textured mesh may count [m]: it is that of the convex hull."""
+"""Limit on the depth of MuJoCo's contact with a textured mesh, which is that of the hull [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """A body and a rigid group that it may touch; numbers are those of asperity's bodies."""
+    """A body and a rigid group that it may touch; numbers refer to asperity's bodies."""
 
     tool: int
     others: tuple[int, ...]
     by_facets: bool
-    """Whether contact is split into patches: where both may touch over an area."""
+    """Whether contact is split into patches: if both may touch over an area."""
     carriers: NDArray[np.int64]
     """Bodies of the model that carry the tool and the first of the others, (2,)."""
     locals: NDArray[np.float64]
@@ -42,11 +42,11 @@ class Pair:
     home: NDArray[np.float64]
     """First frame of the first of the others, (3, 4)."""
     wave: float
-    """The shortest wave of their textures, 4 mm at most [m]."""
+    """The shortest wavelength of their textures, at most 4 mm [m]."""
 
     @property
     def slip(self) -> float:
-        """How far it may slip before places of contact are forgotten [m]."""
+        """Slip after which points of contact are discarded [m]."""
         return self.wave / 20.0
 
 
@@ -57,7 +57,7 @@ class PairPlan:
     ----------
     pairs : tuple of Pair
     by_facets : (pairs,) array of bool
-        Which of them touch over an area.
+        Whether they touch over an area.
     tables : Tables
     carried : CarriedBodies
     stiffness : float
@@ -101,14 +101,14 @@ class PairPlan:
 
     @staticmethod
     def candidates(found: Found, count: int) -> Candidates:
-        """Return contacts that were taken out as candidates of a search."""
+        """Return contacts removed from MuJoCo's list as candidates of a search."""
         return Candidates(count, found.geoms, found.points, found.distances, found.margins)
 
-    def apart(self, number: int) -> float:
-        """Return how far apart two places of contact of a pair that touches over an area are [m].
+    def least_distance(self, number: int) -> float:
+        """Return the least distance between two points of contact over an area [m].
 
-        A part of the shortest wave, but so far that a few dozen places are spread all over
-        the smaller body.
+        A fraction of the shortest wavelength, but large enough that a few dozen points are spread
+        over the whole smaller body.
         """
         pair, facets = self.pairs[number], self._arrays.facets
         assert facets is not None
@@ -116,7 +116,7 @@ class PairPlan:
         return max(pair.wave / 4.0, min(sides) / 20.0)
 
     def room(self) -> SearchRoom:
-        """Allocate the memory of searches, one for each thread."""
+        """Allocate the scratch memory of searches, one for each thread."""
         return search_room(self._arrays.geometry, self._arrays.facets)
 
     def contact(self, number: int, room: SearchRoom) -> BodyContact:
@@ -153,10 +153,10 @@ def _tables(model: mujoco.MjModel, carried: CarriedBodies) -> Tables:
 def _pairs(
     carried: CarriedBodies, groups: NDArray[np.int64], frames: NDArray[np.float64]
 ) -> list[Pair]:
-    """Return the pairs of bodies that can move against each other, one with a texture at least."""
+    """Return the pairs of bodies that can move relative to each other, at least one textured."""
     bodies = carried.bodies
     members = {int(group): np.flatnonzero(groups == group).tolist() for group in np.unique(groups)}
-    # Round bodies are the better tools, small groups the cheaper ones; what never moves comes last.
+    # Round bodies are better tools, small groups cheaper ones; the static group is last.
     order = sorted(
         members, key=lambda g: (g == 0, any(bodies[i].is_flat for i in members[g]), len(members[g]))
     )
@@ -183,6 +183,6 @@ def _pairs(
 
 
 def _wave(bodies: list[Carried]) -> float:
-    """Return the shortest wave of the textures of some bodies, 4 mm at most [m]."""
+    """Return the shortest wavelength of some bodies' textures, at most 4 mm [m]."""
     waves = [f.shortest_wavelength for one in bodies if one.is_textured for f in one.body.fields]
     return min([4e-3, *waves])

@@ -1,8 +1,8 @@
-"""Contacts with texture as forces, for what cannot have them as constraints.
+"""Textured contacts as explicit forces, where constraints are not possible.
 
-Force and damping are those at the start of a step, so that the step bounds the stiffness: without
-damping a contact of k on bodies of the mass m is stable up to `k dt^2 = 4 m`; beyond a quarter of
-that there is a warning. Friction is Coulomb's, rounded off below `_SLOW`: nothing sticks.
+Force and damping are those at the start of a step, so that the step limits the stiffness: without
+damping a contact of k on bodies of the mass m is stable up to `k dt^2 = 4 m`; above a quarter of
+that there is a warning. Friction is Coulomb's, regularised below `_SLOW`: there is no sticking.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from asperity.mujoco.rows import PlacedContacts
 
 _SLOW = 1e-3
-"""Speed of slip below which friction decreases in proportion [m/s]."""
+"""Slip speed below which friction is proportional to it [m/s]."""
 LONGEST = 1.0
 """Largest `k dt^2 / m`."""
 
@@ -34,16 +34,16 @@ def add_forces(
     records : contact records
         Of the contacts.
     placed : PlacedContacts
-        Rows that belong to them.
+        Their rows.
     dissipation : float
         a of Hunt & Crossley [s/m].
 
     Returns
     -------
     (float, int)
-        The largest `k dt^2 / m`, and of which contact; -1 for none.
+        The largest `k dt^2 / m`, and its contact; -1 for none.
     """
-    worst, which, none = 0.0, -1, np.zeros(3)
+    worst, at, none = 0.0, -1, np.zeros(3)
     for i, one in enumerate(records):
         rate = dissipation * placed.steepness[i] * placed.parting[i]
         push = float(placed.push[i]) * max(1.0 - rate, 0.0)
@@ -58,8 +58,8 @@ def add_forces(
         stiffness = placed.push[i] / -one["dist"]
         ratio = float(stiffness * inverse * model.opt.timestep**2)
         if ratio > worst:
-            worst, which = ratio, i
-    return worst, which
+            worst, at = ratio, i
+    return worst, at
 
 
 def warn_of_step(names: tuple[str, str], ratio: float, step: float) -> None:

@@ -1,15 +1,14 @@
-"""Places where bodies that touch over an area were deepest a moment ago.
+"""Persistent contact points of bodies that touch over an area.
 
-Such bodies have many places that are nearly as deep. The deepest hops from one to another as the
-body tilts by a micrometre, and the torque with it: a body that lies on a rough plate would rattle
-for ever. So a place that was the deepest is remembered, with its depth carried on to first order,
-until the body has slipped over it by a part of the shortest wave. Contacts that hardly slip are
-divided between their places, in proportion to the depths; those that slip are not.
+Such bodies have many points that are almost equally deep. The deepest one jumps between them as the
+body tilts by a micrometre, and the torque with it: a body at rest on a rough plate would rattle for
+ever. So the points that were deepest are stored as *places*, with depths extrapolated to first
+order, until the body has slipped over them by a fraction of the shortest wavelength. A contact that
+hardly slips is divided between its places, in proportion to their depths; one that slips is not.
 
-Yet a body may go on rocking by micrometres, from one set of places to another. Once it has not
-left its place for a while it lies on constant springs at the places that are remembered then, on
-which it comes to rest, until it moves on. Their force follows that of the search slowly, so that
-the body comes to rest at the depth that was searched.
+A body may still rock by micrometres from one set of places to another. If it has not left its
+position for a while, its places become constant springs, on which it comes to rest, until it moves
+on. Their force slowly approaches that of the search, and so does the depth at rest.
 """
 
 from __future__ import annotations
@@ -25,69 +24,69 @@ from asperity._core.stack import stack_array
 from asperity._core.structures import by_reference
 
 _LIFT = 2e-4
-"""How far the surfaces may part at a remembered place [m]."""
+"""Largest separation of the surfaces at a stored place [m]."""
 _ALONG = 0.9
-"""Least cosine between the normals of places of one contact."""
+"""Smallest cosine between the normals of places of one contact."""
 _CREEP = 1e-2
-"""Speed of slip from which a contact is not divided [m/s]."""
+"""Slip speed above which a contact is not divided [m/s]."""
 _WHILE = 0.05
-"""Time after which a body that has not left its place lies on constant springs [s]."""
+"""Time after which a body that has not left its position is on constant springs [s]."""
 _HELD = 3.0
-"""How much farther than others these may slip, so that settling does not end them."""
+"""Factor on the slip limit of constant springs, so that settling does not end them."""
 _FOLLOW = 0.05
-"""Time in which their force follows that of the search [s]."""
+"""Time constant with which their force approaches that of the search [s]."""
 
 
 @by_reference
 class Places(NamedTuple):
-    """Remembered places; the first `count[0]` rows are valid.
+    """Stored places; the first `count[0]` rows are valid.
 
-    In the axes of the other bodies' first pose, but for `on_tool`.
+    In the axes of the other bodies' first pose, except `on_tool`.
     """
 
     count: NDArray[np.int64]  # type: ignore[assignment]  # hides tuple.count
     """(1,)"""
     point: NDArray[np.float64]
-    """Where the tool's point was [m], (n, 3)."""
+    """The tool's point when the place was stored [m], (n, 3)."""
     on_tool: NDArray[np.float64]
     """The same in the tool's frame [m], (n, 3)."""
     now: NDArray[np.float64]
-    """Where it is in this step [m], (n, 3)."""
+    """The tool's point in this step [m], (n, 3)."""
     slope_normal: NDArray[np.float64]
     """m, (n, 3)"""
     depth: NDArray[np.float64]
     """[m], (n,)"""
     contact: NDArray[np.int64]
-    """The contact of this step that it is a place of; -1 for none, (n,)."""
+    """The contact of this step to which it belongs; -1 for none, (n,)."""
     present: NDArray[np.float64]
     """Its depth in this step [m], (n,)."""
     is_fresh: NDArray[np.bool_]
-    """Whether it is the deepest place in this step, (n,)."""
+    """Whether it is a deepest point of this step, (n,)."""
     body: NDArray[np.int64]
-    """The scene body that it lies on, (n,)."""
+    """The scene body that it is on, (n,)."""
     share: NDArray[np.float64]
     """Stiffness of its spring over that of a contact of weight 1, (n,)."""
     still: NDArray[np.float64]
-    """How long the body has not left its place [s], (1,)."""
+    """Time since the body last left its position [s], (1,)."""
     was: NDArray[np.float64]
-    """The tool's frame since then, (3, 4) [m]."""
+    """The tool's frame at that time, (3, 4) [m]."""
     reach: NDArray[np.float64]
-    """How far a place may be slipped over, and how far apart two places are, [m]; (2,)."""
+    """Slip limit of a place, and least distance between two places [m]; (2,)."""
 
 
-def places(room: int, slip: float, apart: float) -> Places:
-    """Allocate room for places; none is remembered with `room` 0."""
+def places(room: int, slip: float, least_distance: float) -> Places:
+    """Allocate memory for `room` places; none is stored with 0."""
     return Places(
         np.zeros(1, np.int64), np.zeros((room, 3)), np.zeros((room, 3)), np.zeros((room, 3)),
         np.zeros((room, 3)), np.zeros(room), np.full(room, -1, np.int64), np.zeros(room),
         np.zeros(room, bool), np.zeros(room, np.int64), np.zeros(room), np.zeros(1),
-        np.zeros((3, 4)), np.array([slip, apart]),
+        np.zeros((3, 4)), np.array([slip, least_distance]),
     )  # fmt: skip
 
 
 @inner_kernel
 def _copy(memory, source, target):
-    """Copy what is remembered of a place to another row."""
+    """Copy a stored place to another row."""
     memory.depth[target], memory.share[target] = memory.depth[source], memory.share[source]
     memory.body[target] = memory.body[source]
     for k in range(3):
@@ -98,7 +97,7 @@ def _copy(memory, source, target):
 
 @inner_kernel
 def _along_and_across(moved, m):
-    """Return a motion (3,) times m (3,), and the square of its part across m."""
+    """Return a motion (3,) times m (3,), and the square of its component normal to m."""
     along = square = slip = 0.0
     for k in range(3):
         along += moved[k] * m[k]
@@ -108,10 +107,10 @@ def _along_and_across(moved, m):
 
 
 @inner_kernel
-def _carry_on(memory, pose, is_at_rest):
-    """Carry the depths of remembered places on to a pose (3, 4) of the tool; drop what is old.
+def _extrapolate(memory, pose, is_at_rest):
+    """Extrapolate the depths of places to a pose (3, 4) of the tool; drop invalid places.
 
-    Returns whether none was dropped; at rest one that bears nothing may be.
+    Returns whether none was dropped; at rest, places without a load may be.
     """
     kept, are_all = 0, True
     reach, moved = memory.reach[0] * (_HELD if is_at_rest else 1.0), stack_array((3,))
@@ -136,7 +135,7 @@ def _carry_on(memory, pose, is_at_rest):
 
 @inner_kernel
 def _nearest(memory, contacts, c):
-    """Return the remembered place nearest to contact `c`, and its distance squared [m^2]."""
+    """Return the stored place nearest to contact `c`, and its squared distance [m^2]."""
     count, nearest, best = memory.count[0], -1, np.inf
     for i in range(count):
         if memory.is_fresh[i]:
@@ -150,10 +149,10 @@ def _nearest(memory, contacts, c):
 
 
 @inner_kernel
-def _renew(memory, contacts, c, pose):
-    """Remember the place of contact `c`, instead of one that is near; of the nearest without room.
+def _store(memory, contacts, c, pose):
+    """Store the place of contact `c`, replacing one that is near, or the nearest without room.
 
-    Places all over the body stay so, and it is borne wherever it rocks to.
+    So places stay spread over the body, and support it wherever it rocks.
     """
     count, (nearest, best) = memory.count[0], _nearest(memory, contacts, c)
     at = count
@@ -177,7 +176,7 @@ def _renew(memory, contacts, c, pose):
 
 @inner_kernel
 def _assign(memory, contacts):
-    """Give each remembered place that is still deep to the nearest contact of about its normal."""
+    """Assign each other loaded place to the nearest contact with a similar normal."""
     for i in range(memory.count[0]):
         if memory.is_fresh[i] or memory.present[i] <= 0.0:
             continue
@@ -199,13 +198,13 @@ def _assign(memory, contacts):
 
 @small_kernel
 def calmness(speed):
-    """Return how far contacts over an area are at rest, 0 to 1, at a speed of slip [m/s]."""
+    """Return the weight of area contacts as at rest, for a slip speed [m/s]: 1 at rest, then 0."""
     return max(1.0 - (speed / _CREEP) ** 2, 0.0)
 
 
 @inner_kernel
 def _has_left(memory):
-    """Return whether some place has slipped out of reach since the tool was where it `was`."""
+    """Return whether a place has slipped beyond its limit since the tool was at `was`."""
     moved = stack_array((3,))
     for i in range(memory.count[0]):
         for k in range(3):
@@ -219,11 +218,11 @@ def _has_left(memory):
 
 
 @inner_kernel
-def _wait(memory, pose, dt):
-    """Return whether the tool has not left its place for a while, `dt` [s] after the last step.
+def _comes_to_rest(memory, pose, dt):
+    """Return whether the tool has not left its position for a while, `dt` [s] after the last step.
 
-    If so, the places are remembered as they are now, with equal springs: those that are not the
-    deepest just now, as the body rocks, must bear it as well.
+    If so, the places are stored in their current state, with equal springs: those that are not
+    loaded at this moment, as the body rocks, must support it as well.
     """
     if _has_left(memory):
         memory.still[0] = 0.0
@@ -249,8 +248,8 @@ def _wait(memory, pose, dt):
 
 
 @inner_kernel
-def _bears(memory):
-    """Return whether the springs bear the body: one of their places is deep."""
+def _is_supported(memory):
+    """Return whether a place has a positive depth."""
     is_deep = False
     for i in range(memory.count[0]):
         is_deep = is_deep or memory.present[i] > 0.0
@@ -259,9 +258,9 @@ def _bears(memory):
 
 @inner_kernel
 def _follow(memory, contacts, pose, dt):
-    """Let constant springs follow the search slowly, so that nothing kicks the body.
+    """Let the force of constant springs slowly approach that of the search, without impulses.
 
-    A place that the search finds where none is remembered bears as soon as the body sinks on it.
+    A new place of the search, far from the stored ones, is added with depth 0.
     """
     given = wanted = total = 0.0
     for i in range(memory.count[0]):
@@ -272,7 +271,7 @@ def _follow(memory, contacts, pose, dt):
         _, best = _nearest(memory, contacts, c)
         at = memory.count[0]
         if best >= memory.reach[1] ** 2 and 0 < at < memory.depth.size:
-            _renew(memory, contacts, c, pose)
+            _store(memory, contacts, c, pose)
             memory.depth[at] = memory.present[at] = 0.0
             memory.is_fresh[at], memory.share[at] = False, memory.share[0]
     for i in range(memory.count[0] if total > 0.0 else 0):
@@ -282,10 +281,10 @@ def _follow(memory, contacts, pose, dt):
 
 
 @inner_kernel
-def recall(memory, contacts, pose, dt):
-    """Carry the places of contact on to a pose; return whether they are constant springs.
+def update_places(memory, contacts, pose, dt):
+    """Update the places for a new pose; return whether they are constant springs.
 
-    If not, the places of all contacts are remembered, and each remembered one belongs to a contact.
+    If not, the places of all contacts are stored, and each stored one is assigned to a contact.
 
     Parameters
     ----------
@@ -297,28 +296,28 @@ def recall(memory, contacts, pose, dt):
         Time since the last step [s].
     """
     is_at_rest = memory.still[0] >= _WHILE
-    are_all = _carry_on(memory, pose, is_at_rest)
-    if is_at_rest and not (are_all and _bears(memory)):
+    are_all = _extrapolate(memory, pose, is_at_rest)
+    if is_at_rest and not (are_all and _is_supported(memory)):
         is_at_rest, memory.still[0] = False, 0.0
     elif not is_at_rest:
-        is_at_rest = _wait(memory, pose, dt)
+        is_at_rest = _comes_to_rest(memory, pose, dt)
     if is_at_rest:
         _follow(memory, contacts, pose, dt)
         return True
     for c in range(contacts.count[0]):
-        _renew(memory, contacts, c, pose)
+        _store(memory, contacts, c, pose)
     _assign(memory, contacts)
     return False
 
 
 @inner_kernel
-def share_out(memory, contacts, calm):
+def divide_stiffness(memory, contacts, calm):
     """Divide the stiffness of each contact between its places, in proportion to their depths.
 
     Parameters
     ----------
     calm : (contacts,) array
-        How much places count that are not the deepest; see `calmness`.
+        Weight of places that are not deepest points; see `calmness`.
     """
     for i in range(memory.count[0]):
         memory.share[i] = 0.0

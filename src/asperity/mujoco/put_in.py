@@ -1,4 +1,4 @@
-"""The contacts that a search has found, as contacts of MuJoCo's list.
+"""Conversion of contacts found by a search to contacts of MuJoCo's list.
 
 A contact of asperity's has depth delta, deepest point x*, and force F along m (not of unit length).
 As a contact of MuJoCo's it has `dist = -delta / |m|`, `pos = x*` and the normal m / |m|.
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
-from asperity.mujoco.places import calmness, recall, share_out
+from asperity.mujoco.places import calmness, divide_stiffness, update_places
 from asperity.mujoco.rows import MARK, Found, Tables
 
 LEAST_FRICTION = 1e-5
-"""As in MuJoCo, which divides by it."""
+"""Smallest coefficient of friction, as in MuJoCo, which divides by it."""
 
 
 class Velocities(NamedTuple):
@@ -28,16 +28,16 @@ class Velocities(NamedTuple):
     cvel: NDArray[np.float64]
     """Angular and linear velocity, (nbody, 6) [rad/s, m/s]."""
     origin: NDArray[np.float64]
-    """`subtree_com`, where the linear one of a root's bodies is measured, (nbody, 3) [m]."""
+    """`subtree_com`, reference point of the linear velocity of a root's bodies, (nbody, 3) [m]."""
     root: NDArray[np.int32]
     """`body_rootid`, (nbody,)."""
 
 
 @inner_kernel
 def _fill_slip(velocities, carriers, point, force, slip_out):
-    """Fill the velocity of the tool against the other body at a point, across a force (3,).
+    """Fill the tool's velocity relative to the other body at a point, normal to a force (3,).
 
-    Returns its speed along the force.
+    Returns the speed along the force.
     """
     along = size = 0.0
     for k in range(3):
@@ -57,9 +57,9 @@ def _fill_slip(velocities, carriers, point, force, slip_out):
 
 @inner_kernel
 def _fill_record(one, depth, force, place):
-    """Fill contact record `one`: its place, and the axes of a force (3,) on its second geom.
+    """Fill contact record `one`: its point, and the axes of a force (3,) on its second geom.
 
-    Returns the force's size.
+    Returns the force's magnitude.
     """
     size, old, normal = 0.0, stack_array((9,)), stack_array((3,))
     for k in range(3):
@@ -77,8 +77,8 @@ def _fill_record(one, depth, force, place):
 
 @inner_kernel
 def _nearest(templates, taken, found, pair, tables, tool, body, point):
-    """Return the contact of MuJoCo's between two bodies that is nearest to a point, -1 for none."""
-    best, which = np.inf, -1
+    """Return MuJoCo's contact between two bodies that is nearest to a point, -1 for none."""
+    best, nearest = np.inf, -1
     for t in range(taken):
         if found.pair[t] != pair:
             continue
@@ -88,13 +88,13 @@ def _nearest(templates, taken, found, pair, tables, tool, body, point):
         for k in range(3):
             far += (templates[t].pos[k] - point[k]) ** 2
         if far < best:
-            best, which = far, t
-    return which
+            best, nearest = far, t
+    return nearest
 
 
 @inner_kernel
 def _fill_frame(frame, old, normal):
-    """Fill a contact's axes (9,): a normal, and the old first tangent turned to be across it."""
+    """Fill a contact's axes (9,): a normal, and the old first tangent projected normal to it."""
     along = 0.0
     for k in range(3):
         along += old[3 + k] * normal[k]
@@ -104,7 +104,7 @@ def _fill_frame(frame, old, normal):
         frame[3 + k] = old[3 + k] - along * normal[k]
         size += frame[3 + k] ** 2
     if size < 1e-6:
-        # The old tangent lies along the new normal: any other will do.
+        # The old tangent is along the new normal: take any other.
         least = 0
         for k in range(1, 3):
             if abs(normal[k]) < abs(normal[least]):
@@ -123,7 +123,7 @@ def _fill_frame(frame, old, normal):
 
 @inner_kernel
 def _own_friction(one, tables):
-    """Set the friction of a contact record, where one of its geoms has its own."""
+    """Set the friction of a contact record if it was given for one of its geoms."""
     sliding, other = tables.friction[one.geom[0]], tables.friction[one.geom[1]]
     if not sliding >= other:
         sliding = other if other == other else sliding
@@ -132,7 +132,7 @@ def _own_friction(one, tables):
 
 
 class Taken(NamedTuple):
-    """The contacts of MuJoCo's that were taken out, and what they are."""
+    """Contacts removed from MuJoCo's list."""
 
     templates: NDArray[np.void]
     found: Found
@@ -159,12 +159,12 @@ class Bodies(NamedTuple):
 
 
 @inner_kernel
-def _append(records, listed, taken, bodies, what, placed):
-    """Append a contact to the list, and return how many are in it.
+def _append(records, listed, taken, bodies, contact, placed):
+    """Append a contact to the list; return the list's length.
 
-    `what` is (body, depth, |m|, point, force, whether the tool lies on it), in world axes.
+    `contact` is (body, depth, |m|, point, force, whether it is a constant spring), world axes.
     """
-    (total, kept, count), (body, depth, steep, point, force, lies) = listed, what
+    (total, kept, count), (body, depth, steep, point, force, lies) = listed, contact
     row, size = total - kept, force[0] ** 2 + force[1] ** 2 + force[2] ** 2
     if not size > 0.0 or row == placed.push.size or total == records.size:
         return total
@@ -191,7 +191,7 @@ def _append(records, listed, taken, bodies, what, placed):
 
 @inner_kernel
 def _to_world(motion, point, force, point_out, force_out):
-    """Move a point (3,) and turn a force (3,) by a motion (3, 4)."""
+    """Transform a point (3,) and rotate a force (3,) by a motion (3, 4)."""
     for j in range(3):
         point_out[j], force_out[j] = motion[j, 3], 0.0
         for k in range(3):
@@ -201,7 +201,7 @@ def _to_world(motion, point, force, point_out, force_out):
 
 @inner_kernel
 def _fill_calmness(contacts, bodies, calm_out):
-    """Fill how far the bodies are at rest at each contact, 0 to 1."""
+    """Fill the `calmness` at each contact."""
     point, force, slip = stack_array((3,)), stack_array((3,)), stack_array((3,))
     for c in range(contacts.count[0]):
         _to_world(bodies.motion[1], contacts.point[c], contacts.slope_normal[c], point, force)
@@ -214,16 +214,13 @@ def _fill_calmness(contacts, bodies, calm_out):
 
 @inner_kernel
 def _append_places(contacts, records, listed, taken, bodies, memory, placed):
-    """Append the places of contact of bodies that touch over an area.
-
-    Returns how many are in the list.
-    """
+    """Append the places of bodies that touch over an area; return the list's length."""
     (total, kept, count), motion, calm = listed, bodies.motion[1], placed.calm
     point, force, own = stack_array((3,)), stack_array((3,)), stack_array((3,))
-    is_at_rest = recall(memory, contacts, bodies.motion[0], bodies.dt)
+    is_at_rest = update_places(memory, contacts, bodies.motion[0], bodies.dt)
     if not is_at_rest:
         _fill_calmness(contacts, bodies, calm)
-        share_out(memory, contacts, calm)
+        divide_stiffness(memory, contacts, calm)
     for i in range(memory.count[0]):
         depth, steep = memory.present[i], 0.0
         if depth <= 0.0 or memory.share[i] == 0.0:
@@ -233,21 +230,21 @@ def _append_places(contacts, records, listed, taken, bodies, memory, placed):
             own[k] = push * memory.slope_normal[i, k]
             steep += memory.slope_normal[i, k] ** 2
         if memory.is_fresh[i] and not is_at_rest:
-            # What the force is beyond k w delta m leaps where another place gets the deepest.
+            # The part of the force beyond k w delta m jumps when another place becomes deepest.
             c = memory.contact[i]
             push = bodies.stiffness * contacts.weight[c] * contacts.depth[c]
             for k in range(3):
                 rest = contacts.force[c, k] - push * contacts.slope_normal[c, k]
                 own[k] += (1.0 - calm[c]) * rest
         _to_world(motion, memory.now[i], own, point, force)
-        what = (memory.body[i], depth, math.sqrt(steep), point, force, is_at_rest)
-        total = _append(records, (total, kept, count), taken, bodies, what, placed)
+        contact = (memory.body[i], depth, math.sqrt(steep), point, force, is_at_rest)
+        total = _append(records, (total, kept, count), taken, bodies, contact, placed)
     return total
 
 
 @kernel
 def put_in(contacts, records, listed, taken, bodies, memory, placed):
-    """Append the contacts of one pair to the list, and return how many it has.
+    """Append the contacts of one pair to the list; return the list's length.
 
     Parameters
     ----------
@@ -256,13 +253,13 @@ def put_in(contacts, records, listed, taken, bodies, memory, placed):
     records : contact records
         The list.
     listed : (int, int, int)
-        How many are in it, how many of these are MuJoCo's own, how many were taken out.
+        Length of the list, number of MuJoCo's own contacts in it, number of removed ones.
     taken : Taken
     bodies : Bodies
     memory : Places
-        Of bodies that touch over an area; without room for others.
+        Of bodies that touch over an area; of size 0 for others.
     placed : PlacedContacts
-        Row `i` is that of the record `i` after MuJoCo's own.
+        Row `i` belongs to record `i` after MuJoCo's own.
     """
     total, kept, count = listed
     if memory.depth.size > 0:
@@ -273,6 +270,6 @@ def put_in(contacts, records, listed, taken, bodies, memory, placed):
         _to_world(bodies.motion[1], contacts.point[c], contacts.force[c], point, force)
         for k in range(3):
             steep += contacts.slope_normal[c, k] ** 2
-        what = (contacts.body[c], contacts.depth[c], math.sqrt(steep), point, force, False)
-        total = _append(records, (total, kept, count), taken, bodies, what, placed)
+        contact = (contacts.body[c], contacts.depth[c], math.sqrt(steep), point, force, False)
+        total = _append(records, (total, kept, count), taken, bodies, contact, placed)
     return total

@@ -1,4 +1,4 @@
-"""Contacts of one `MjData` that are replaced by asperity's."""
+"""Replacement of the contacts of one `MjData` by asperity's."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ from asperity.mujoco.rows import (
 )
 
 _ROOM = 4096
-"""Contacts of MuJoCo's between textured pairs, and asperity's, in one step."""
+"""Maximum number of MuJoCo's contacts between textured pairs, and of asperity's, in one step."""
 _PLACES = 48
-"""Places of contact that are remembered for each pair."""
-_LOOK = 256
-"""Steps after which the model is looked at for changes."""
+"""Maximum number of stored places for each pair."""
+_CHECK_STEPS = 256
+"""Steps between two checks of the model for changes."""
 _ADHESION = int(mujoco.mjtTrn.mjTRN_BODY)
 
 
 class Replaced:
-    """What is remembered of the contacts of one `MjData`.
+    """State of the contacts of one `MjData`.
 
     Attributes
     ----------
     first, count : int
-        Number of asperity's first contact in `data.contact`, and how many there are.
+        Number of asperity's first contact in `data.contact`, and their count.
     placed : PlacedContacts
         Force and stiffness of each.
     flexes : FlexContacts
-        Those of flexes, which come after them.
+        Those of flexes, which follow them.
     """
 
     def __init__(
@@ -79,12 +79,12 @@ class Replaced:
         return set(self._contacts)
 
     def is_new(self, time: float) -> bool:
-        """Return whether to look at the model: at first, after a reset, and now and then."""
+        """Return whether to check the model: at first, after a reset, and every 256 steps."""
         self._calls += 1
-        return time < self._time or self._calls % _LOOK == 1
+        return time < self._time or self._calls % _CHECK_STEPS == 1
 
     def replace(self, model: mujoco.MjModel, data: mujoco.MjData, dissipation: float) -> None:
-        """Replace the contacts of textured pairs, and make the constraints again."""
+        """Replace the contacts of textured pairs; rebuild the constraints."""
         dt = data.time - self._time
         if dt < 0.0:
             self._forget()
@@ -120,16 +120,16 @@ class Replaced:
         self.count = total - kept
         total = self.flexes.add(model, data, records, total)
         data.ncon = kept if self._as_forces else total
-        if self._as_forces:  # before the constraints take the room of these contacts
+        if self._as_forces:  # before the constraints overwrite the memory of these contacts
             self._push(model, data, dissipation)
         mujoco.mj_makeConstraint(model, data)
         if not self._as_forces and self.count and data.nefc:
-            which, mass = self._set(
+            worst, mass = self._set(
                 records, kept, self.count, self.placed, rows_of(data), self._plan.by_facets,
                 dissipation, step,
             )  # fmt: skip
-            if which >= 0 and mass > LIGHT:
-                self._tell(data, which, mass, step)
+            if worst >= 0 and mass > LIGHT:
+                self._warn_of_mass(data, worst, mass, step)
         if data.nefc:
             self.flexes.constrain(model, data, records, dissipation)
         mujoco.mj_island(model, data)
@@ -140,14 +140,14 @@ class Replaced:
     def _add(
         self, data: mujoco.MjData, number: int, dt: float, total: int, kept: int, taken: int
     ) -> int:
-        """Add the contacts of one pair to the list; return how many are in it."""
+        """Append the contacts of one pair to the list; return the list's length."""
         pair = self._plan.pairs[number]
         contact = self._contacts.get(number)
         if contact is None:
             assert self._room is not None
             contact = self._contacts[number] = self._plan.contact(number, self._room)
             if pair.by_facets:
-                self._places[number] = places(_PLACES, pair.slip, self._plan.apart(number))
+                self._places[number] = places(_PLACES, pair.slip, self._plan.least_distance(number))
             else:
                 self._places[number] = places(0, 0.0, 0.0)
         self._relative(
@@ -167,41 +167,41 @@ class Replaced:
         return count
 
     def _push(self, model: mujoco.MjModel, data: mujoco.MjData, dissipation: float) -> None:
-        """Add the forces of the contacts that were taken off the list."""
+        """Add the forces of the contacts that were removed from the list."""
         assert self._records is not None
         records = self._records[self.first : self.first + self.count].copy()
-        ratio, which = add_forces(model, data, records, self.placed, dissipation)
-        if which >= 0 and ratio > LONGEST and int(self.placed.pair[which]) not in self._warned:
-            self._warned.add(int(self.placed.pair[which]))
-            warn_of_step(self._names(which), ratio, float(model.opt.timestep))
+        ratio, worst = add_forces(model, data, records, self.placed, dissipation)
+        if worst >= 0 and ratio > LONGEST and int(self.placed.pair[worst]) not in self._warned:
+            self._warned.add(int(self.placed.pair[worst]))
+            warn_of_step(self._names(worst), ratio, float(model.opt.timestep))
 
-    def _names(self, which: int) -> tuple[str, str]:
+    def _names(self, worst: int) -> tuple[str, str]:
         """Return the names of the bodies of one of the contacts."""
-        bodies, pair = self._plan.carried.bodies, self._plan.pairs[int(self.placed.pair[which])]
+        bodies, pair = self._plan.carried.bodies, self._plan.pairs[int(self.placed.pair[worst])]
         return bodies[pair.tool].body.name, bodies[pair.others[0]].body.name
 
     def _leave(self, near: set[int], dt: float) -> None:
-        """Note that pairs that were near are not near any more."""
+        """Update the state of pairs that are no longer near."""
         for number in self._touched - near:
             self._contacts[number].leave(dt)
             self._places[number].count[0] = 0
         self._touched &= near
 
     def _forget(self) -> None:
-        """Forget all contacts: the simulation was set back."""
+        """Forget all contacts after a reset of the simulation."""
         for contact in self._contacts.values():
             contact.reset()
         for remembered in self._places.values():
             remembered.count[0], remembered.still[0] = 0, 0.0
         self._touched.clear()
 
-    def _tell(self, data: mujoco.MjData, which: int, mass: float, step: float) -> None:
+    def _warn_of_mass(self, data: mujoco.MjData, worst: int, mass: float, step: float) -> None:
         """Warn once for each pair that the step is too long for the stiffness."""
-        number = int(self.placed.pair[which])
+        number = int(self.placed.pair[worst])
         if number in self._warned:
             return
         self._warned.add(number)
-        names = self._names(which)
+        names = self._names(worst)
         enough = step / math.sqrt(1.0 + mass)
         warnings.warn(
             f"a step of {1e3 * step:.3g} ms is long for the stiffness of contact between "

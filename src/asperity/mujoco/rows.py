@@ -1,22 +1,21 @@
-"""Kernels that take contacts of textured pairs out of MuJoCo's list, and set what replaces them.
+"""Kernels that remove contacts of textured pairs from MuJoCo's list, and set their replacements.
 
-What the constraint of a contact of asperity's is made of is set by `set_constraints`, since
-MuJoCo's own mixing of `solref` and `solimp` gives no stiffness that one could ask for.
+`set_constraints` sets the parameters of asperity's constraints directly, since MuJoCo's mixing of
+`solref` and `solimp` cannot give a prescribed stiffness.
 
 MuJoCo's normal force is `(aref - a) / R` with `aref = K I depth - B v`, a the acceleration of the
 contact and v its velocity. So a contact is a spring of the stiffness `K I / R`, a damper `B / R`,
 and a mass 1 / R that moves with it. K is chosen so that the spring's force is F, B for the damping
 of Hunt & Crossley, and R so that the mass is a thousandth of that of the bodies: then the force
-hardly depends on the solver. Where the step is too long for such a spring the mass is larger, by
-just as much as keeps it stable: forces at rest stay right, fast ones are smoothed.
+hardly depends on the solver. If the step is too long for such a spring, the mass is increased as
+much as stability requires: forces at rest stay correct, fast ones are smoothed.
 
-Where bodies that touch over an area hardly slip, their contacts (see `places`) are as heavy as
-MuJoCo's own by default, and damped more; those that slip are light. A body
-that lies still is on constant springs, which need less.
+Contacts over an area that hardly slip (see `places`) have the mass of MuJoCo's default, and more
+damping; those that slip are light. A body at rest is on constant springs, which need less mass.
 
-Friction keeps MuJoCo's own B, and its R where that is small enough for a body not to creep on the
-slopes of a texture. With a pyramidal cone these are those of the normal too: the
-rows of a contact share the force F when at rest, and B is MuJoCo's.
+Friction keeps MuJoCo's B, and its R unless a body would creep on the slopes of a texture. With a
+pyramidal cone the same rows hold the normal force: they share the force F at rest, and B is
+MuJoCo's.
 """
 
 from __future__ import annotations
@@ -37,45 +36,44 @@ from asperity.mujoco.places import calmness
 MARK = -7391
 """`vert[1]` of asperity's contacts in MuJoCo's list."""
 LIGHT = 1e-3
-"""Mass of a contact over that of the bodies at it."""
+"""Mass of a contact over that of the bodies."""
 STEADY = 0.25
-"""Square of the phase [rad^2] by which a contact's spring may swing in a step.
+"""Upper limit of k dt^2 / m of a contact's spring, its squared phase in a step [rad^2].
 
-With 0.5, one in nine rough boxes and capsules gained energy as they hit with a corner; with 0.25
-none of 180.
+With 0.5, one in nine rough boxes and capsules gained energy in corner impacts; with 0.25 none of
+180.
 """
 _HEAVY = 19.0
-"""Mass of a contact over an area at rest over that of the bodies: R of a `solimp` of 0.95."""
+"""Mass of an area contact at rest over that of the bodies: R of a `solimp` of 0.95."""
 _LYING = 1.0
-"""The same where the body lies on constant springs (see `places`): so it settles sooner."""
+"""The same on constant springs (see `places`), for faster settling."""
 _DAMPED = 250.0
 """B of such a contact [1/s], but at most half of 1 / step."""
 _STICKING, _LYING_STICKS = 1e-3, 1e-5
-"""R of friction over the bodies' inverse mass, at most; and where the body lies on such springs."""
+"""Upper limit of R of friction over the bodies' inverse mass; and on constant springs."""
 _PYRAMIDAL = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL)
 _ELLIPTIC = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC)
 
 
 @by_reference
 class Tables(NamedTuple):
-    """Which geoms are whose."""
+    """Properties of geoms, and pairs of bodies."""
 
     owner: NDArray[np.int64]
     """Number of asperity's body of each geom, -1 for none; (ngeom,)."""
     is_textured: NDArray[np.bool_]
     """(ngeom,)"""
     pair: NDArray[np.int64]
-    """Number of the pair that searches contact between two bodies, -1 for none; (bodies, bodies).
-    """
+    """Number of the pair of two bodies, -1 for none; (bodies, bodies)."""
     least: NDArray[np.float64]
-    """Least distance that is passed on for each geom [m], (ngeom,)."""
+    """Lower limit of the distance passed to the search for each geom [m], (ngeom,)."""
     friction: NDArray[np.float64]
     """Coulomb's coefficient of each geom's surface, nan for MuJoCo's; (ngeom,)."""
 
 
 @by_reference
 class Found(NamedTuple):
-    """Contacts of MuJoCo's that were taken out of its list."""
+    """Contacts removed from MuJoCo's list."""
 
     geoms: NDArray[np.int32]
     """(n, 2)"""
@@ -88,14 +86,14 @@ class Found(NamedTuple):
     pair: NDArray[np.int64]
     """Number of the pair of bodies, (n,)."""
     near: NDArray[np.int64]
-    """Numbers of the pairs of bodies that have some, each once; (pairs,)."""
+    """Numbers of the pairs of bodies with such contacts, without duplicates; (pairs,)."""
     is_near: NDArray[np.bool_]
-    """Whether a pair is among them, (pairs,); false between calls."""
+    """Whether a pair is in `near`, (pairs,); false between calls."""
 
 
 @by_reference
 class PlacedContacts(NamedTuple):
-    """What is remembered of the contacts that were put into MuJoCo's list, a row each."""
+    """Data of the contacts appended to MuJoCo's list; rows are contacts."""
 
     push: NDArray[np.float64]
     """Force along the normal [N], (n,)."""
@@ -104,19 +102,19 @@ class PlacedContacts(NamedTuple):
     pair: NDArray[np.int64]
     """Number of the pair, (n,)."""
     slip: NDArray[np.float64]
-    """Velocity of the tool across the force [m/s], world axes (n, 3)."""
+    """Velocity of the tool normal to the force [m/s], world axes (n, 3)."""
     parting: NDArray[np.float64]
     """Its velocity along the force [m/s], (n,)."""
     is_second: NDArray[np.bool_]
-    """Whether the tool has the second of the contact's geoms, (n,)."""
+    """Whether the contact's second geom is the tool's, (n,)."""
     calm: NDArray[np.float64]
-    """How far the bodies of a pair are at rest at each contact, 0 to 1; (n,)."""
+    """`calmness` at each contact of a pair, (n,)."""
     lies: NDArray[np.bool_]
-    """Whether the contact is a constant spring, on which the tool lies; (n,)."""
+    """Whether the contact is a constant spring, (n,)."""
 
 
 def placed(room: int) -> PlacedContacts:
-    """Allocate room for contacts."""
+    """Allocate memory for `room` contacts."""
     return PlacedContacts(
         np.zeros(room), np.zeros(room), np.zeros(room, np.int64), np.zeros((room, 3)),
         np.zeros(room), np.zeros(room, bool), np.zeros(room), np.zeros(room, bool),
@@ -125,23 +123,23 @@ def placed(room: int) -> PlacedContacts:
 
 @kernel
 def take_out(records, count, tables, templates, found):
-    """Take the contacts of textured pairs out of the list.
+    """Remove the contacts of textured pairs from the list.
 
     Parameters
     ----------
     records : contact records
-        The first `count` are the list; those that stay are moved to the front.
+        The first `count` are the list; the remaining ones are moved to the front.
     tables : Tables
     templates : contact records
-        Filled with those that were taken out.
+        Filled with the removed ones.
     found : Found
-        Filled likewise.
+        Filled with the removed ones.
 
     Returns
     -------
     (int, int, int)
-        How many stay, how many were taken out, and how many pairs these are of; (-1, 0, 0) if the
-        list has asperity's already.
+        Numbers of remaining contacts, of removed ones, and of their pairs; (-1, 0, 0) if the list
+        already has contacts of asperity's.
     """
     for c in range(count):
         if records[c].vert[1] == MARK:
@@ -175,7 +173,7 @@ def take_out(records, count, tables, templates, found):
 
 
 class Rows(NamedTuple):
-    """The constraints of MuJoCo's that are changed; see `MjData`."""
+    """Fields of MuJoCo's constraints that are changed; see `MjData`."""
 
     kind: NDArray[np.int32]
     resistance: NDArray[np.float64]
@@ -196,7 +194,7 @@ def set_constraints(records, first, count, placed, rows, by_facets, dissipation,
     placed : PlacedContacts
     rows : Rows
     by_facets : (pairs,) array of bool
-        Which pairs touch over an area.
+        Whether pairs touch over an area.
     dissipation : float
         a of Hunt & Crossley [s/m].
     dt : float
@@ -205,10 +203,10 @@ def set_constraints(records, first, count, placed, rows, by_facets, dissipation,
     Returns
     -------
     (int, float)
-        The contact whose mass had to be increased most, -1 for none, and the mass that it got over
-        that of the bodies.
+        The contact with the largest increase of mass, -1 for none, and its mass over that of the
+        bodies.
     """
-    worst, which = 0.0, -1
+    most, worst = 0.0, -1
     for i in range(count):
         one = records[first + i]
         row = one.efc_address
@@ -226,12 +224,12 @@ def set_constraints(records, first, count, placed, rows, by_facets, dissipation,
             if placed.pair[j] == placed.pair[i]:
                 spring -= placed.push[j] / records[first + j].dist
                 damper += dissipation * placed.push[j] * placed.steepness[j]
-        # MuJoCo's estimate of the bodies' inverse mass at the contact, of which it has made R.
+        # MuJoCo's estimate of the bodies' inverse mass at the contact, from which R was made.
         given = rows.reference[row, 2]
         inverse = rows.resistance[row] * given / (1.0 - given)
         wanted = max(spring * dt * dt / STEADY, 2.0 * damper * dt) * inverse - 1.0
-        if wanted > worst:
-            worst, which = wanted, i
+        if wanted > most:
+            most, worst = wanted, i
         calm = 0.0
         if by_facets[placed.pair[i]]:
             slip = placed.slip[i]
@@ -253,7 +251,7 @@ def set_constraints(records, first, count, placed, rows, by_facets, dissipation,
                 rows.resistance[j] *= stiffer
                 rows.inverse[j] /= stiffer
             one.mu *= math.sqrt(stiffer * old / new)
-    return which, worst
+    return worst, most
 
 
 def rows_of(data: mujoco.MjData) -> Rows:
@@ -262,7 +260,7 @@ def rows_of(data: mujoco.MjData) -> Rows:
 
 
 def found(room: int, pairs: int) -> Found:
-    """Allocate room for contacts that are taken out."""
+    """Allocate memory for `room` removed contacts."""
     return Found(
         np.zeros((room, 2), np.int32), np.zeros((room, 3)), np.zeros(room), np.zeros(room),
         np.zeros(room, np.int64), np.zeros(max(pairs, 1), np.int64), np.zeros(max(pairs, 1), bool),
@@ -271,16 +269,16 @@ def found(room: int, pairs: int) -> Found:
 
 @kernel
 def relative_pose(xpos, xmat, carriers, locals_, home, motion_out, pose_out):
-    """Fill the tool's place among other bodies as if these were at their first pose.
+    """Fill the tool's frame relative to other bodies, in the axes of their first pose.
 
     Parameters
     ----------
     xpos, xmat : (nbody, 3) and (nbody, 9) arrays
         Frames of MuJoCo's bodies.
     carriers : (2,) array of int
-        That of the tool, and that of one of the others.
+        Those of the tool and of one of the others.
     locals_ : (2, 3, 4) array
-        Frames of the tool, and of that other body, in their carriers.
+        Frames of the tool and of that other body in their carriers.
     home : (3, 4) array
         First frame of that other body.
     motion_out : (2, 3, 4) array

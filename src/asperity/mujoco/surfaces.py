@@ -1,9 +1,9 @@
-"""Textured surfaces of a MuJoCo model: attached once, felt in every step.
+"""Textured surfaces of a MuJoCo model: attached once, active in every step.
 
 MuJoCo calls `mjcb_passive` in each forward and inverse pass, after contacts and constraints have
 been made and before anything is computed from them. There the contacts of textured pairs are
-replaced, and the constraints made again. So all that comes before and after is MuJoCo's own:
-checks, cones, solvers, integrators, sensors, sleeping.
+replaced, and the constraints rebuilt. Everything before and after is MuJoCo's own: checks, cones,
+solvers, integrators, sensors, sleeping.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from asperity.mujoco.replaced import Replaced
 _logger = logging.getLogger(__name__)
 MODES = ("contacts", "passive")
 _NODES = 100
-"""Boxes that a search looks at: along a path the deepest place is found so, but not proved."""
+"""Default of `max_nodes`: enough to find the deepest point along a path, but not to certify it."""
 _PASSIVE = ("mjDSBL_SPRING", "mjDSBL_DAMPER", "mjDSBL_PASSIVE")
 """Flags without which there are no passive forces; the last one alone in older versions."""
 _DISCRETE = int(getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1))
@@ -61,23 +61,23 @@ def attach(
         Its textured geoms and flexes get a wider gap, so that MuJoCo reports them to each other
         before they touch; what `mj_step` computes without textures stays the same.
     textures : mapping
-        By the name of a geom, a body, a material or a flex ("geom:NAME" and so on where that is
-        not clear); what is particular goes before what is general. Values: see `texture`,
-        `pattern`; a `HeightField`, (array, pixel size [m]), the path of an image, a text such as
-        "knurl:0.8mm"; of a flex also a `Layer`. Or the path of a TOML file with tables
-        `[textures.NAME]`; or None, for those in the model's `<custom>` texts (`model_textures`).
+        By the name of a geom, a body, a material or a flex ("geom:NAME" and so on if that is
+        ambiguous); the more specific name takes precedence. Values: see `texture`, `pattern`; a
+        `HeightField`, (array, pixel size [m]), the path of an image, a text such as "knurl:0.8mm";
+        for a flex also a `Layer`. Or the path of a TOML file with tables `[textures.NAME]`; or
+        None, for those in the model's `<custom>` texts (`model_textures`).
     stiffness : float
-        k of a contact [N/m], 1e-6 to 1e9: pressed with F it is F / k deep.
+        k of a contact [N/m], 1e-6 to 1e9: under a force F its depth is F / k.
     dissipation : float
-        a of Hunt & Crossley [s/m], 0 or above: the force of a contact that deepens at v is 1 + a v
-        times that of one at rest.
+        a of Hunt & Crossley [s/m], 0 or above: the force of a contact whose depth grows at v is
+        1 + a v times that of one at rest.
     mode : {"contacts", "passive"}
         "contacts": constraints of MuJoCo's solver. "passive": explicit forces in `qfrc_passive`,
-        whose stiffness the step bounds (`passive`); they are no contacts to sensors.
+        whose stiffness is limited by the step (`passive`); sensors do not see them as contacts.
     settings : ForceSettings, optional
-        Of the search: `max_nodes` (by default 100 here, with which the deepest place is found but
-        seldom proved to be it), `tolerance`, `patch_radius`. Its stiffness, friction
-        and dissipation are not used.
+        Of the search: `max_nodes` (by default 100 here, which finds the deepest point but seldom
+        certifies it), `tolerance`, `patch_radius`. Its stiffness, friction and dissipation are not
+        used.
 
     Returns
     -------
@@ -95,12 +95,12 @@ def attach(
 
 
 class TexturedContacts(NamedTuple):
-    """Textured contacts of one `MjData`, but for those of flexes (`Surfaces.flex_contact`)."""
+    """Textured contacts of one `MjData`, except those of flexes (`Surfaces.flex_contact`)."""
 
     numbers: NDArray[np.int64]
-    """Which of `data.contact` they are, (n,)."""
+    """Their numbers in `data.contact`, (n,)."""
     slip: NDArray[np.float64]
-    """Velocity of the second geom against the first, across the normal [m/s], world axes (n, 3)."""
+    """Tangential velocity of the second geom relative to the first [m/s], world axes (n, 3)."""
     push: NDArray[np.float64]
     """Force along the normal by the law, without damping [N], (n,)."""
 
@@ -112,7 +112,7 @@ class Surfaces:
     ----------
     model : mujoco.MjModel
     notes : tuple of str
-        What was chosen and left out, one line each.
+        Chosen defaults and ignored geoms, one line each.
     bodies : tuple of Carried
         The bodies with a texture, and those that they may touch.
     """
@@ -154,7 +154,7 @@ class Surfaces:
         self._states: weakref.WeakKeyDictionary[mujoco.MjData, Replaced] = (
             weakref.WeakKeyDictionary()
         )
-        contact_type()  # needs a model, and none can be compiled within the callback
+        contact_type()  # compiles a model, which is not possible within the callback
 
     def step(self, data: mujoco.MjData, nstep: int = 1) -> None:
         """Advance `data` by `nstep` steps of `mujoco.mj_step`, with textures."""
@@ -162,12 +162,12 @@ class Surfaces:
         call(self.model, self._replace, original("mj_step"), self.model, data, nstep)
 
     def forward(self, data: mujoco.MjData) -> None:
-        """Do what `mujoco.mj_forward` does, with textures."""
+        """Call `mujoco.mj_forward` with textures."""
         self._refuse_without_callback()
         call(self.model, self._replace, original("mj_forward"), self.model, data)
 
     def inverse(self, data: mujoco.MjData) -> None:
-        """Do what `mujoco.mj_inverse` does, with textures."""
+        """Call `mujoco.mj_inverse` with textures."""
         self._refuse_without_callback()
         call(self.model, self._replace, original("mj_inverse"), self.model, data)
 
@@ -176,7 +176,7 @@ class Surfaces:
     ) -> None:
         """Advance many `MjData` by `nstep` steps each, on threads; by default as many as cores.
 
-        Use this, not `step`, from several threads: MuJoCo has one callback for all of them.
+        Use this instead of `step` from several threads: MuJoCo has one callback for all of them.
         """
         self._refuse_without_callback()
         step = original("mj_step")
@@ -221,18 +221,18 @@ class Surfaces:
 
     @contextlib.contextmanager
     def installed(self, *, callback_too: bool = False) -> Iterator[Surfaces]:
-        """Make loops that nobody changes feel the textures of this model, while the block runs.
+        """Give unmodified simulation loops the textures of this model, while the block runs.
 
-        `mujoco.mj_step`, `mj_step1`, `mj_forward`, `mj_inverse` are replaced for this model;
-        others go to MuJoCo's own. Blocks may be nested; an exception ends them as well. Names that
-        were imported before, by `from mujoco import mj_step`, stay MuJoCo's own.
+        `mujoco.mj_step`, `mj_step1`, `mj_forward`, `mj_inverse` are replaced for this model; other
+        models use MuJoCo's own. Blocks may be nested; an exception ends them as well. Names
+        imported before, by `from mujoco import mj_step`, stay MuJoCo's own.
 
         Parameters
         ----------
         callback_too : bool
-            Set MuJoCo's passive callback all the time, so that what calls MuJoCo from C feels
-            textures too: the viewer's own loop, `mujoco.rollout`. Meanwhile no model can be
-            compiled, by anyone, since MuJoCo would call it for models that Python does not know.
+            Set MuJoCo's passive callback all the time, so that calls of MuJoCo from C have textures
+            too: the viewer's own loop, `mujoco.rollout`. Meanwhile no model can be compiled in this
+            process, since MuJoCo would call it for models that Python does not know.
         """
         self._refuse_without_callback()
         manager = callback if callback_too else replaced_functions
@@ -245,11 +245,11 @@ class Surfaces:
         return len(set().union(*(state.known_pairs for state in self._states.values())))
 
     def detach(self) -> None:
-        """Give the model back the margins that it had."""
+        """Restore the margins of the model."""
         self._undo()
 
     def _replace(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Replace the contacts of textured pairs in `data`, unless that is done already."""
+        """Replace the contacts of textured pairs in `data`, unless they are replaced already."""
         state = self._states.get(data)
         if state is None:
             state = self._states[data] = Replaced(

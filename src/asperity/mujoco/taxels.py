@@ -1,7 +1,7 @@
-"""Force on each taxel of a tactile skin, whose sum and moment are those of the contacts exactly.
+"""Forces on the taxels of a tactile skin, whose sum and moment are exactly those of the contacts.
 
-Every contact of the skin's geoms, textured or not, is spread over the taxels round it, as
-`contact.taxel_forces` does.
+Every contact of the skin's geoms, textured or not, is spread over the taxels around it by
+`contact.taxel_forces`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Taxels:
         Places of taxels in the body's frame [m], 3 or more that are not on a line; or a grid over
         the geom's surface (`surface_grid`).
     spread : float, optional
-        Standard deviation of the bell [m]; by default the mean distance of neighbours.
+        Standard deviation of the Gaussian [m]; by default the mean distance of neighbours.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Taxels:
     Raises
     ------
     AsperityError
-        A name that is not in the model, or places that cannot be used.
+        A name that is not in the model; or places that are fewer than 3, not finite, or on a line.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Height fields of MuJoCo as textures: the terrain, with what is laid on it."""
+"""Height fields of MuJoCo as textures: the terrain plus its texture."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from asperity.texture.height_field import HeightField
 
 _SAMPLES_A_WAVE = 8.0
 _MOST_SAMPLES = 4096 * 4096
-"""Samples of a terrain with a texture on it."""
+"""Maximum number of samples of a terrain with a texture."""
 
 
 def terrain_surface(model: mujoco.MjModel, number: int, laid: Surface | None) -> Surface:
@@ -25,7 +25,7 @@ def terrain_surface(model: mujoco.MjModel, number: int, laid: Surface | None) ->
     number : int
         Of the height field.
     laid : Surface, optional
-        A texture that is added to the terrain; its offset is from the middle.
+        A texture to add to the terrain; its offset is from the middle.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def terrain_surface(model: mujoco.MjModel, number: int, laid: Surface | None) ->
     start = int(model.hfield_adr[number])
     half_u, half_v, top, _ = model.hfield_size[number]
     data = model.hfield_data[start : start + rows * columns].reshape(rows, columns)
-    # MuJoCo's samples lie on the borders, HeightField's half a pixel inside them.
+    # MuJoCo's outermost samples are on the borders, HeightField's half a pixel inside them.
     pixel = (2.0 * half_u / (columns - 1), 2.0 * half_v / (rows - 1))
     field = HeightField(top * data.astype(np.float64), pixel, "clamp")
     if laid is None:
@@ -50,7 +50,7 @@ def terrain_surface(model: mujoco.MjModel, number: int, laid: Surface | None) ->
 def _with_texture(
     terrain: HeightField, texture: HeightField, half: tuple[float, float], offset: object
 ) -> HeightField:
-    """Return the sum of a terrain and a texture, sampled as finely as the texture needs."""
+    """Return the sum of a terrain and a texture, at the resolution that the texture needs."""
     enough = texture.shortest_wavelength / _SAMPLES_A_WAVE
     finest = [
         min(a, max(b, enough)) for a, b in zip(terrain.pixel_size, texture.pixel_size, strict=True)

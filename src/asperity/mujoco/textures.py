@@ -1,4 +1,4 @@
-"""What a user may give as the texture of a geom, and the surface that it makes."""
+"""Conversion of user-given textures of geoms to surfaces."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from asperity.scene import shorthand
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.patterns import EXAMPLES, PATTERNS
 
-"""Everyday names of patterns."""
 _SHOWN = 60
-"""Most characters of a wrong value in a message."""
+"""Maximum length of a wrong value in a message."""
 _VALID = (
     "a HeightField, a Surface, pattern(...), texture(...), a text such as 'knurl:0.8mm', "
     "or the path of a file"
@@ -25,7 +24,7 @@ _VALID = (
 
 
 def pattern(name: str, **parameters: Any) -> HeightField:
-    """Return a texture given as a shape.
+    """Return the texture of a pattern.
 
     Parameters
     ----------
@@ -33,8 +32,8 @@ def pattern(name: str, **parameters: Any) -> HeightField:
         Of a function of `asperity.texture.patterns.patterns`; also "ridges" (grating), "dots"
         (jittered_dots) and "waves" (sinusoid).
     parameters
-        Those of the function [m, rad]. What is not given is as usual for the pattern, scaled with
-        the first length: `pattern("ridges", pitch=0.5e-3)` has ridges of 80 um.
+        Those of the function [m, rad]. Others have the pattern's defaults, scaled with the first
+        length: `pattern("ridges", pitch=0.5e-3)` has ridges of 80 um.
 
     Raises
     ------
@@ -43,13 +42,13 @@ def pattern(name: str, **parameters: Any) -> HeightField:
     """
     known = shorthand.OTHER_NAMES.get(name, name)
     require_choice("pattern", known, [*PATTERNS, *shorthand.OTHER_NAMES])
-    usual = EXAMPLES[known]
+    defaults = EXAMPLES[known]
     require_names(known, parameters)
-    first = next(iter(usual))
-    ratio = float(parameters.get(first, usual[first])) / usual[first]
+    first = next(iter(defaults))
+    ratio = float(parameters.get(first, defaults[first])) / defaults[first]
     filled = {
         key: value if key in shorthand.NO_LENGTHS else float(f"{value * ratio:.6g}")
-        for key, value in usual.items()
+        for key, value in defaults.items()
         if key not in parameters
     }
     return PATTERNS[known](**filled, **parameters)
@@ -71,16 +70,16 @@ def texture(
     stiffness: float | None = None,
     **options: Any,
 ) -> Surface | PlacedTexture:
-    """Return a texture with what belongs to it: where it lies, friction, stiffness.
+    """Return a texture with its mapping, friction and stiffness.
 
     Parameters
     ----------
     source : HeightField, array, str or path, or None
         An array (rows, columns) of heights [m] needs `pixel_size` [m] among the options; a file
-        what `HeightField.from_file` needs. None: smooth, but of another friction or stiffness.
+        what `HeightField.from_file` needs. None: smooth, for another friction or stiffness.
     mapping : {"planar", "cylindrical", "triplanar", "uv"}, optional
         See `asperity.Body`; by default planar on planes, boxes and height fields, cylindrical on
-        the sides of cylinders, triplanar on what is round.
+        the sides of cylinders, triplanar on other geoms.
     offset : (2,)
         Of the map on the geom [m].
     friction : float, optional
@@ -102,16 +101,16 @@ class Layer:
     Parameters
     ----------
     texture
-        What a geom may be given too, see `texture`; without a stiffness. None: smooth.
+        As for a geom, see `texture`, but without a stiffness. None: smooth.
     thickness : float, optional
         Of the layer [m]. By default the flex's radius; without one a quarter of its edges' median.
     modulus, poisson : float, optional
         Young's modulus [Pa] and Poisson's ratio [-] of the layer. By default those of the flex's
-        own elasticity (of a sheet as if it were two radii thick), the ratio at most 0.45; without
-        elasticity 1e5 Pa and 0.3.
+        elasticity (a sheet counts as two radii thick), the ratio at most 0.45; without elasticity
+        1e5 Pa and 0.3.
     pitch : float, optional
         Distance between the taxels [m]. By default an eighth of the edges' median, or a quarter of
-        the shortest wave that touches if this is less, but so that there are at most 100,000.
+        the shortest wavelength in contact if this is less, but for at most 100,000 taxels.
     """
 
     texture: Any = None
@@ -122,14 +121,14 @@ class Layer:
 
 
 class PlacedTexture:
-    """A surface whose mapping is that which is usual for the geom it is put on."""
+    """A surface with the default mapping of its geom."""
 
     def __init__(self, surface: Surface) -> None:
         self.surface = surface
 
 
 def height_field(source: Any, options: dict[str, Any] | None = None) -> HeightField:
-    """Return the texture that `source` gives; `options` go with arrays and files."""
+    """Return the texture of a `source`; `options` are for arrays and files."""
     given = options or {}
     if isinstance(source, HeightField):
         if given:
@@ -162,16 +161,16 @@ def height_field(source: Any, options: dict[str, Any] | None = None) -> HeightFi
     raise AsperityError(f"no texture: {shown}; valid: {_VALID}")
 
 
-def surface_of(value: Any, usual_mapping: str) -> Surface:
-    """Return the surface that a user's value gives a geom whose mapping is usually this one."""
+def surface_of(value: Any, default_mapping: str) -> Surface:
+    """Return the surface of a geom with this default mapping from a user's value."""
     if isinstance(value, PlacedTexture):
         old = value.surface
-        return Surface(old.texture, usual_mapping, old.offset, old.friction, old.stiffness)
+        return Surface(old.texture, default_mapping, old.offset, old.friction, old.stiffness)
     if isinstance(value, Surface):
         return value
     if isinstance(value, Layer):
         raise AsperityError("a Layer is for flexes; give a geom its texture alone")
-    return Surface(height_field(value), usual_mapping)
+    return Surface(height_field(value), default_mapping)
 
 
 assert set(MAPPINGS) >= {"planar", "triplanar", "cylindrical"}

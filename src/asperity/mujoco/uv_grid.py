@@ -1,4 +1,4 @@
-"""A grid of places over a mesh geom, by its texture coordinates."""
+"""A grid of points over a mesh geom by its texture coordinates."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from asperity.scene.mjcf import model_mesh
 def places_by_uv(
     model: mujoco.MjModel, geom: int, along: NDArray[np.float64], around: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the places on a mesh geom at texture coordinates, in its body's frame [m], (n, 3).
+    """Return the points of a mesh geom at texture coordinates, in its body's frame [m], (n, 3).
 
     Parameters
     ----------
     model : mujoco.MjModel
     geom : int
     along, around : (rows,) and (columns,) arrays
-        v and u; places that no triangle covers are left out.
+        v and u; points that no triangle covers are dropped.
 
     Raises
     ------

@@ -36,7 +36,7 @@ SPAN = {"off": 0, "tick": 1, "band": 5}
 BUDGET = 64
 """Largest number of evaluations of the wrench in one tick."""
 PER_WAVE = 2
-"""Least number of sub-poses for each of the shortest wavelengths passed, from half of one on."""
+"""Smallest number of sub-poses per shortest wavelength passed, from half a wavelength on."""
 ATTENUATION_DB = 60.0
 """Attenuation of the side lobes of the "band" window [dB]."""
 LEAP = {"tick": 0.2, "band": 1e-4}

@@ -1,4 +1,4 @@
-"""Contact of a rigid tool with an elastic body, in the place of `ContactSolver`."""
+"""Contact of a rigid tool with an elastic body, with the interface of `ContactSolver`."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ from asperity.simulation.layer_end import FLAT, HeldContact, LayerEnd
 from asperity.simulation.summed_contact import fill_summed
 
 _LEAP = 0.01
-"""Largest way of a vertex in a step [m]: that of a tool at 10 m/s in 1 ms, beyond which it has been
-placed elsewhere."""
+"""Largest displacement of a vertex in a step [m]: that of a tool at 10 m/s in 1 ms; a faster one
+has been placed elsewhere."""
 _MOST = 60
-"""Newton steps in which the body has to come to rest."""
+"""Maximum number of Newton steps to static equilibrium."""
 _AT_REST, _BROUGHT_IN = 1e-9, 1e-4
-"""Largest error of a displacement, over the thickness of the layer: of a body at rest, and of one
-that a tool is brought into."""
+"""Tolerances of displacements, over the thickness of the layer: in equilibrium, and while a tool is
+brought in."""
 _FARTHEST = 0.5
 """Largest displacement, over the smallest side of the body; a project default."""
 _FASTEST = 2.0
-"""Speed from which on a step that cannot be solved is one of a tool placed elsewhere [m/s]."""
+"""Speed above which the tool of a step without solution has been placed elsewhere [m/s]."""
 
 
 class ElasticEngine:
     """Contact of a scene's tool with its elastic body, which has a state.
 
-    It has what `ToolContact` asks of a `ContactSolver`. The first pose after `reset`, and each with
-    `dt` 0, finds the body at rest under the tool; every other pose advances it by `dt`. Its
-    contact, where there is one, is the sum of all taxels: at the centre of pressure, with the
+    It has the methods that `ToolContact` needs of a `ContactSolver`. At the first pose after
+    `reset`, and at each with `dt` 0, the body is in static equilibrium; every other pose advances
+    it by `dt`. Its only contact is the sum of all taxels: at the centre of pressure, with the
     largest compression of the layer as its depth.
 
-    A linear body would be pressed flat, and turn inside out. So where it would be displaced by more
-    than half of its smallest side it stays as it is there, and the layer alone yields: the force
-    goes on, and such contacts are not certified. The body moves again once the tool presses the
-    layer less than it did then. Where the layer, too, would be pressed flat, see
-    `LayerEnd`. A tool that is deep inside when it is placed is brought in from outside.
+    A linear body could be pressed flat or inverted. So its displacements are limited to half of its
+    smallest side: there the body is frozen, and only the layer deforms; such contacts are not
+    certified. The body is released once the energy of the layer is less than at that moment. If the
+    layer would be pressed flat as well, see `LayerEnd`. A tool placed deep inside is brought in
+    from outside.
     """
 
     def __init__(self, scene: Scene, solid: ElasticSolid) -> None:
@@ -67,20 +67,20 @@ class ElasticEngine:
 
     @cached_property
     def grid(self) -> TaxelGrid:
-        """Where the fields are."""
+        """Grid of the fields."""
         return TaxelGrid(self.elastic.surface.surface)
 
     @cached_property
     def skin(self) -> SeenFromAbove:
-        """The fields of the last pose, seen from above."""
+        """The fields of the last pose, projected along z."""
         return SeenFromAbove(self.elastic.surface, self.grid)
 
     def reset(self) -> None:
-        """Put the body at rest, without contact."""
+        """Reset the body to rest, without contact."""
         self.elastic.reset()
-        self._is_new, self._stopped, self._bent = True, math.inf, 0.0
+        self._is_new, self._frozen, self._bent = True, math.inf, 0.0
         self.strain = 0.0
-        """Largest displacement since, over the smallest side of the body."""
+        """Largest displacement since `reset`, over the smallest side of the body."""
         self._shape = np.zeros_like(self.elastic.body.mesh.vertices)
         self._found: ContactDerivatives | None = None
         self._held: HeldContact | None = None
@@ -107,7 +107,7 @@ class ElasticEngine:
         surface, contacts = self.elastic.surface, self.contacts
         wrench = (surface.wrenches[0].reshape(2, 3) @ self._turn.T).ravel()
         self._force = wrench[:3].copy()
-        # The tool feels the surface's friction the other way.
+        # Friction on the tool is opposite to that on the surface.
         friction = -(self._turn @ surface.out.damped[:3])
         if self._held:
             wrench *= self._held.growth
@@ -126,11 +126,11 @@ class ElasticEngine:
         return local
 
     def _move(self, pose: Array, dt: float) -> None:
-        """Bring the body to where it is with the tool at a pose."""
+        """Update the body for the tool at a pose."""
         elastic = self.elastic
-        if self._stopped < math.inf:
-            self._press_stopped(pose)
-            if self.energy >= self._stopped:
+        if self._frozen < math.inf:
+            self._press_frozen(pose)
+            if self.energy >= self._frozen:
                 return
             self._found = self._held = None
             self.contacts.count[1] = self.contacts.status[0] = 0
@@ -149,18 +149,18 @@ class ElasticEngine:
                         continue
                 except AsperityError:
                     pass
-                self._stop(pose)
+                self._freeze(pose)
                 return
-        self._stopped = math.inf
-        self._refuse_flat(pose)
+        self._frozen = math.inf
+        self._limit_strain(pose)
 
     def _steps(self, pose: Array, dt: float) -> bool:
-        """Advance the body by a step; return False where it has to be found at rest anew."""
+        """Advance the body by a step; return False if static equilibrium has to be found again."""
         elastic = self.elastic
         moved = math.dist(pose[:3].tolist(), self._last[:3].tolist())
         try:
             elastic.step([self._local(pose)], dt)
-            is_in = self._takes(elastic.displacements) and not self._is_lost(pose)
+            is_in = self._limit(elastic.displacements) and not self._is_lost(pose)
         except AsperityError:
             is_in = False
         is_touched = elastic.surface.out.push[0] > 0.0
@@ -168,20 +168,20 @@ class ElasticEngine:
             elastic.reset()
             return False
         if not is_in:
-            self._stop(pose)
+            self._freeze(pose)
             return True
         if not elastic.is_accurate:
             self.contacts.status[0] = NOT_CERTIFIED
-        self._refuse_flat(pose)
+        self._limit_strain(pose)
         return True
 
     def _settles(self, pose: Array, close: float = _AT_REST) -> bool:
-        """Bring the body to rest under the tool; return whether it is displaced as it may be."""
+        """Find static equilibrium under the tool; return whether displacements are in range."""
         self.elastic.settle([self._local(pose)], most=_MOST, close=close)
-        return self._takes(self.elastic.displacements)
+        return self._limit(self.elastic.displacements)
 
-    def _takes(self, found: Array) -> bool:
-        """Take displacements as far as they may go; return whether that is all of them."""
+    def _limit(self, found: Array) -> bool:
+        """Store displacements, scaled down to their limit; return whether they are within it."""
         share = _FARTHEST * self._side / max(float(np.abs(found).max()), 1e-30)
         self._shape = min(share, 1.0) * found
         self.strain = max(self.strain, _FARTHEST / max(share, 1.0))
@@ -189,62 +189,62 @@ class ElasticEngine:
             self._bent = share**2 * (self.elastic.energy - self.elastic.surface.energy)
         return share >= 1.0
 
-    def _stop(self, pose: Array) -> None:
-        """Leave the body as it was last."""
-        self._stopped = 0.0
-        self._press_stopped(pose)
-        self._stopped = self.energy
+    def _freeze(self, pose: Array) -> None:
+        """Freeze the body in its last state."""
+        self._frozen = 0.0
+        self._press_frozen(pose)
+        self._frozen = self.energy
         self.strain = _FARTHEST
 
-    def _press_stopped(self, pose: Array) -> None:
-        """Press the layer alone, with the body as it was last."""
+    def _press_frozen(self, pose: Array) -> None:
+        """Compute the contact of the layer alone, with the body frozen."""
         self._press_layer(pose)
         self.contacts.status[0] = NOT_CERTIFIED
-        self._refuse_flat(pose)
+        self._limit_strain(pose)
 
     def _press_layer(self, pose: Array) -> float:
-        """Press the layer alone, at a pose; return its largest strain."""
+        """Compute the contact of the layer alone at a pose; return its largest strain."""
         surface = self.elastic.surface
         surface.place([self._local(pose)])
         surface.press_at(self.elastic.body.mesh.vertices + self._shape, np.zeros_like(self._shape))
         return float(surface.out.push[5])
 
-    def _refuse_flat(self, pose: Array) -> None:
-        """Where the layer is pressed too far, or loses the tool, have the contact farther out."""
+    def _limit_strain(self, pose: Array) -> None:
+        """If the layer is pressed too far, or loses the tool, use a contact farther out."""
         if float(self.elastic.surface.out.push[5]) > FLAT or self._is_lost(pose):
             self._held = self._end.hold(pose, self._press_layer, self.contacts)
             self.contacts.status[0] = NOT_CERTIFIED
 
     def _is_lost(self, pose: Array) -> bool:
-        """Return whether the tool is deeper than the body has been pressed in, and its layer."""
+        """Return whether the tool is deeper than the displacement of the body plus its layer."""
         strain = float(self.elastic.surface.out.push[5])
         return self._end.is_lost(pose, strain, float(np.abs(self._shape).max()))
 
     @property
     def energy(self) -> float:
-        """Stored in layer and body, and in what swings [J]."""
+        """Energy stored in layer and body, and kinetic energy of the modes [J]."""
         surface = self.elastic.surface
         force = self._turn @ surface.state.wrench[0, :3]
         beyond = self._held.energy(force) if self._held else 0.0
-        if self._stopped == math.inf:
+        if self._frozen == math.inf:
             self._bent = self.elastic.energy - surface.energy
             beyond += self.elastic.kinetic_energy
         return surface.energy + self._bent + beyond
 
     def derivatives(self, motion: Any = None) -> ContactDerivatives:
         """Return stiffness, damping and, in proportion to the velocity, friction in the wrench."""
-        if self._found is None and (self._held or self._stopped < math.inf):
-            stiffness = self._turned(self.elastic.surface.stiffness())
+        if self._found is None and (self._held or self._frozen < math.inf):
+            stiffness = self._to_world(self.elastic.surface.stiffness())
             found = ContactDerivatives(stiffness, np.zeros((6, 6)), np.zeros(6))
             self._found = self._held.derivatives(found, self._force) if self._held else found
         elif self._found is None:
-            stiffness, damping = map(self._turned, self.elastic.derivatives())
+            stiffness, damping = map(self._to_world, self.elastic.derivatives())
             twist = self.elastic.surface.twists[0].reshape(2, 3) @ self._turn.T
             self._found = ContactDerivatives(stiffness, damping, -damping @ twist.ravel())
         return self._found
 
-    def _turned(self, matrix: Array) -> Array:
-        """Return a matrix (6, 6) of the body's frame in world axes."""
+    def _to_world(self, matrix: Array) -> Array:
+        """Return a matrix (6, 6) of the body's frame, rotated to world axes."""
         return np.asarray(self._both @ matrix @ self._both.T)
 
     def stiffness(self) -> Array:

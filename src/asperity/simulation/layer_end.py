@@ -1,9 +1,9 @@
-"""Where a soft layer ends: a tool that is deeper in a soft body than its layer can be pressed.
+"""Contact beyond the range of a soft layer: a tool deeper than the layer can be compressed.
 
-Taxels know a tool up to twice the layer's thickness, and a layer that is pressed by more than it is
-thick is none. Such a pose has the contact of the place, on the shortest way out of the smooth
-bodies, at which the layer is just pressed flat, and from there its wrench grows by as much for each
-thickness: a choice of this package, that a tool is pushed out from wherever it is.
+Taxels detect a tool up to twice the layer's thickness, and the layer's law holds up to its
+thickness. A deeper pose has the contact of the point on the shortest way out of the smooth bodies
+at which the layer is just pressed flat; from there the wrench grows by its own magnitude for each
+thickness. This is a choice of this package: a tool is pushed out from anywhere.
 """
 
 from __future__ import annotations
@@ -23,51 +23,51 @@ from asperity.geometry.poses import mean_twist
 from asperity.scene.scene import Scene
 
 FLAT = 0.975
-"""Largest compression of a layer, over its thickness: where its law goes on along a tangent."""
+"""Largest strain of a layer, from where on its law is linear."""
 _FAR = 1.0
-"""Distances are searched up to this one [m]."""
+"""Largest distance that is searched [m]."""
 _STEP = 0.5
-"""Length of the steps in which a tool is brought in, over the layer's thickness."""
-_NOT_FELT = 0.25
-"""How deep a tool may be that no taxel feels, over the layer's thickness: convex pieces of a mesh
-fill more than the mesh."""
+"""Step of the search for a flat layer, over the layer's thickness."""
+_NOT_DETECTED = 0.25
+"""Depth up to which a tool may be without a compressed taxel, over the layer's thickness: convex
+pieces of a mesh are larger than the mesh."""
 _FOLLOWED = 0.1
-"""Those in which a body follows a tool: with long ones it may find another state of rest."""
+"""Steps in which a tool is brought in: with longer ones another equilibrium may be found."""
 _CLOSE = 1e-5
-"""Largest difference of a strain from `FLAT`."""
+"""Tolerance of a strain of `FLAT`."""
 _HALVINGS, _TURNS = 20, 16
 
 
 class Overlap(NamedTuple):
-    """How deep a tool is in what it meets, both smooth."""
+    """Penetration of the smooth tool into the other smooth bodies."""
 
     depth: float
-    """How far it has to move [m]; below 0: how far it is away."""
+    """Depth [m]; negative: minus the distance."""
     normal: Array
-    """The way out, a unit vector of the world (3,); 0 where it is outside."""
+    """Unit vector of the way out, world axes (3,); 0 outside."""
 
 
 class HeldContact(NamedTuple):
-    """A contact that is that of a place farther out, and grows from there."""
+    """A contact extrapolated from a pose farther out."""
 
     way: float
-    """How far out [m]."""
+    """Distance to that pose [m]."""
     normal: Array
-    """The way there, (3,)."""
+    """Direction to that pose, (3,)."""
     thickness: float
-    """Of the layer [m]: the wrench grows by that of the place for each of it."""
+    """Of the layer [m]: the wrench grows by that of the pose for each thickness."""
 
     @property
     def growth(self) -> float:
-        """The wrench, over that of the place."""
+        """The wrench over that of the pose."""
         return 1.0 + self.way / self.thickness
 
     def energy(self, force: Array) -> float:
-        """Return what the force (3,) of the place and its growth store along the way [J]."""
+        """Return the energy of the growing force along the way, `force` (3,) at its start [J]."""
         return self.way * (1.0 + 0.5 * self.way / self.thickness) * float(force @ self.normal)
 
     def derivatives(self, found: ContactDerivatives, force: Array) -> ContactDerivatives:
-        """Return derivatives of the contact, from those of the place and its force (3,)."""
+        """Return derivatives of the contact from those of the pose and its force (3,)."""
         rise = float(self.normal @ found.stiffness[:3, :3] @ self.normal)
         slope = float(force @ self.normal) / self.thickness
         share = slope / rise if slope > 0.0 and rise > slope else 1.0
@@ -77,7 +77,7 @@ class HeldContact(NamedTuple):
 
 
 class LayerEnd:
-    """Where the soft layer of a scene ends.
+    """Contacts beyond the range of a scene's soft layer.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class LayerEnd:
         self._radius = float(reach.max())
         self.thickness = thickness
         tops = [np.abs(field.coefficients).max() for body in scene.bodies for field in body.fields]
-        self._tops = float(sum(tops))  # so deep it may lie in pores
+        self._tops = float(sum(tops))  # depth of pores
         self.reset()
 
     def reset(self) -> None:
@@ -113,7 +113,7 @@ class LayerEnd:
         self._guess = 0.0
 
     def overlap(self, pose: Array) -> Overlap:
-        """Return how deep the smooth tool is in the smooth bodies at a pose (7,)."""
+        """Return the penetration of the smooth tool into the smooth bodies at a pose (7,)."""
         self._place[:] = pose
         mujoco.mj_kinematics(self._model, self._data)
         least, ends, way = _FAR, np.zeros(6), np.zeros(3)
@@ -127,14 +127,18 @@ class LayerEnd:
         return Overlap(-least, normal)
 
     def is_lost(self, pose: Array, strain: float, aside: float = 0.0) -> bool:
-        """Return whether a tool is deeper than its taxels say.
+        """Return whether a tool is deeper than its taxels detect.
 
-        `strain`: their largest compression, over the layer's thickness. `aside`: how far the
-        surface may have been pressed away [m].
+        `strain` is their largest compression over the layer's thickness, `aside` the largest
+        displacement of the surface [m].
         """
-        most = self._tops + aside + (self.thickness if strain > 0.0 else _NOT_FELT * self.thickness)
+        most = (
+            self._tops
+            + aside
+            + (self.thickness if strain > 0.0 else _NOT_DETECTED * self.thickness)
+        )
         if self._known is not None:
-            # Not yet, if it has moved by less than is left since it was looked at.
+            # Not lost if it has moved by less than the remaining depth since the last query.
             last, depth = self._known
             twist = mean_twist(last, pose, 1.0)
             moved = math.hypot(*twist[:3].tolist()) + self._radius * math.hypot(*twist[3:].tolist())
@@ -145,7 +149,7 @@ class LayerEnd:
         return depth > most
 
     def clear(self, pose: Array) -> Overlap:
-        """Return the way out of all bodies, and how long it is, a step of `thickness` more."""
+        """Return the way out of all bodies, lengthened by `thickness` and the textures."""
         depth, normal = self.overlap(pose)
         moved, total = np.array(pose), 0.0
         for _ in range(_TURNS):
@@ -157,9 +161,9 @@ class LayerEnd:
         return Overlap(total + self._tops + self.thickness, normal)
 
     def steps(self, pose: Array) -> list[Array]:
-        """Return poses (7,) that bring the tool in, from outside along the shortest way out.
+        """Return poses (7,) that bring the tool in from outside, along the shortest way out.
 
-        They are the same for poses along one way, so that these find the same body.
+        They do not depend on the depth along that way, and neither does the equilibrium found.
         """
         way, step = self.clear(pose), _FOLLOWED * self.thickness
         left = [*np.arange(way.depth, 0.0, -step).tolist(), 0.0]
@@ -171,23 +175,23 @@ class LayerEnd:
     def hold(
         self, pose: Array, press: Callable[[Array], float], contacts: Contacts
     ) -> HeldContact | None:
-        """Have the contact of a pose at which the layer is pressed too far, or loses the tool.
+        """Compute the contact of a pose at which the layer is pressed too far, or loses the tool.
 
         Parameters
         ----------
         pose : (7,)
         press : callable
-            Has the contact at a pose, and returns the largest compression of the layer there, over
-            its thickness; its last call is at the place whose contact counts.
+            Computes the contact at a pose, and returns the largest strain of the layer there; its
+            last call is at the pose whose contact is used.
         contacts : Contacts
-            One is left out where there is no place at which the layer is just pressed flat.
+            One is dropped if there is no pose at which the layer is just pressed flat.
         """
         way = self.clear(pose)
         if not way.normal.any():  # only its texture is so deep
             return HeldContact(0.0, way.normal, self.thickness)
         found, moved = self._flat_at(pose, way, press), np.array(pose)
         if found < 0.0:
-            if 0.0 < press(pose) <= FLAT:  # what is felt of it is not all
+            if 0.0 < press(pose) <= FLAT:  # the taxels detect only a part of the tool
                 return HeldContact(0.0, way.normal, self.thickness)
             contacts.count[1] = 1
             found = way.depth
@@ -196,7 +200,7 @@ class LayerEnd:
         return None if contacts.count[1] else HeldContact(found, way.normal, self.thickness)
 
     def _flat_at(self, pose: Array, way: Overlap, press: Callable[[Array], float]) -> float:
-        """Return how far outside a pose the layer is just pressed flat [m]; -1 for nowhere."""
+        """Return the distance along the way at which the layer is just pressed flat, or -1 [m]."""
         moved, step = np.array(pose), _STEP * self.thickness
 
         def pressed(far: float) -> float:
@@ -204,7 +208,7 @@ class LayerEnd:
             return press(moved)
 
         def is_beyond(found: float, outer: float) -> bool:
-            # A small tool that is deeper than the layer is lost, and not pressed further.
+            # A small tool deeper than the layer is lost, and compresses no taxel.
             return found > FLAT or found == 0.0 < outer
 
         low, high = max(self._guess - step, 0.0), self._guess + step  # near the last one first

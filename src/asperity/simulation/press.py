@@ -9,8 +9,8 @@ from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 
 _FIRST_STEP, _LONGEST_STEP = 1e-4, 1e-3
-"""First and longest step of the search [m]: a longer one could leap over a thin plate, or to where
-a soft surface no longer pushes."""
+"""First and longest step of the search [m]: a longer one could pass through a thin plate, or to a
+depth at which a soft surface no longer pushes."""
 _FARTHEST = 1.0
 """Distance above and below the start within which the surface is searched [m]."""
 

@@ -44,7 +44,7 @@ class ToolState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """The result of following a trajectory, one row a tick.
+    """The result of following a trajectory; rows are ticks.
 
     `time` (n,) [s]; `handle_pose`, `tool_pose` (n, 7); `contact_wrench` on the tool and
     `device_wrench` on the hand, both about the tool's centre of mass (n, 6) [N, N m];

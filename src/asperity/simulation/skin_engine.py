@@ -1,4 +1,4 @@
-"""Contact of a soft tool, or of a rigid tool with a soft body, in the place of `ContactSolver`."""
+"""Contact of a soft tool, or a rigid tool with a soft body; interface of `ContactSolver`."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from asperity.simulation.summed_contact import fill_summed
 
 
 class SkinEngine:
-    """Contact of a scene's tool with its other bodies, where one of them bears a soft skin.
+    """Contact of a scene's tool with its other bodies, of which one has a soft skin.
 
-    It has what `ToolContact` asks of a `ContactSolver`. Its contact, where there is one, is the sum
-    of all taxels: at the centre of pressure, with the largest compression as its depth. Where the
-    layer would be pressed by more than it is thick, see `LayerEnd`.
+    It has the methods that `ToolContact` needs of a `ContactSolver`. Its only contact is the sum of
+    all taxels: at the centre of pressure, with the largest compression as its depth. For
+    compressions beyond the thickness of the layer see `LayerEnd`.
     """
 
     def __init__(self, scene: Scene, skin: SoftSkin) -> None:
@@ -43,7 +43,7 @@ class SkinEngine:
         )
         """The fields of the last pose."""
         self.grid = skin
-        """Where they are."""
+        """Grid of the fields."""
         self.contacts = empty_contacts(1)
         self.was_cut = False
         self._end = LayerEnd(scene, skin.thickness)
@@ -92,7 +92,7 @@ class SkinEngine:
         """Return the wrench of the skin at a pose."""
         if self._is_tool:
             return self.skin.wrench(pose, twist)
-        # The same contact, seen from the tool: equal and opposite.
+        # The reaction on the tool: equal and opposite.
         self.skin.place([pose])
         centre = (centre_of_mass(pose, self.centre) - self._home[:3]) @ self._turn
         return np.asarray(-self.skin.wrench(self._home, -twist, about=centre))
@@ -103,7 +103,7 @@ class SkinEngine:
         return self._last
 
     def restore(self, kept: Array) -> None:
-        """Have an earlier pose for the last one."""
+        """Restore the results of an earlier pose."""
         self.wrench(kept, 0.0)
 
     @property

@@ -1,4 +1,4 @@
-"""Which engine has the contacts of a scene with a soft body."""
+"""Choice of the contact engine of a scene with a soft body."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one contact of a soft body: the sum of all its taxels."""
+"""The single contact of a soft body: the sum of all its taxels."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ def fill_summed(contacts: Contacts, push: Array, force: Array, friction: Array) 
     ----------
     contacts : Contacts
     push : (6,) array
-        As in `contact.soft.taxel_sums.SkinOutput`; the place is left in the axes that it has there.
+        As in `contact.soft.taxel_sums.SkinOutput`; the point stays in its axes.
     force, friction : (3,) array
-        On the tool, world axes [N]: all of it, and the part that is friction.
+        Total force on the tool, and friction, world axes [N].
     """
     total = float(push[0])
     contacts.count[0] = int(total > 0.0)

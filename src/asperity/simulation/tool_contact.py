@@ -1,7 +1,7 @@
 """The contact of a tool at a pose, evaluated in every tick of a simulation or servo loop.
 
-A tick leads from the tool's pose to sub-poses, if texture passes faster than the tick, to contacts,
-and from these to the wrench and its stiffness.
+A tick leads from the tool's pose to sub-poses, if texture passes faster than the tick, then to
+contacts, the wrench and its stiffness.
 """
 
 from __future__ import annotations
@@ -63,11 +63,11 @@ _MODULES = {
     "tick": "contact.geom_tick", "mesh_tick": "contact.mesh_tick", "press": "contact.soft.press",
     "press_surface": "contact.deformable.press",
 }  # fmt: skip
-"""Modules of the kernels that the first force has to wait for."""
+"""Modules of the kernels that have to be compiled before the first force."""
 
 
 def tick_kernel(scene: Scene) -> str:
-    """Return the name of the kernel that has the contacts of a scene, as in `_MODULES`."""
+    """Return the name of the contact kernel of a scene, as in `_MODULES`."""
     if scene.soft is not None:
         return "press" if scene.skin else "press_surface"
     return "mesh_tick" if any(body.mesh is not None for body in scene.bodies) else "tick"
@@ -120,14 +120,14 @@ class ToolContact:
         self.engine: Any = soft_engine(scene) or ContactSolver(
             scene.model, scene.bodies, scene.tool, scene.force
         )
-        """The contact solver; its own `wrench` has no anti-aliasing."""
+        """The contact solver; its `wrench` has no anti-aliasing."""
         self._window: Window | None = None
         self._choose_window()
         self._wavelength = scene.shortest_wavelength
         self._moved = Repeated(moved_most)
         own = [body.largest_friction for body in scene.bodies]
-        self._of_bodies = max(own) if scene.soft is None else scene.soft.friction
-        """Largest friction of a body's own, or the soft one's."""
+        self._largest_friction = max(own) if scene.soft is None else scene.soft.friction
+        """Largest coefficient of friction of a body, or that of the soft one."""
         self._extent = max(float(scene.model.stat.extent), 1e-3)
         self.reset()
 
@@ -190,8 +190,8 @@ class ToolContact:
         pose : (7,) array
         jumped : bool
             Whether ticks were skipped since the last pose. Then there is no motion of one tick to
-            average over, and the wrench is that at the pose. So it is if the tool has moved faster
-            than any hand, by 10 m/s or 500 rad/s.
+            average over, and the wrench is that at the pose. The same holds if the tool has moved
+            faster than 10 m/s or 500 rad/s.
         seconds : float
             Time limit for sub-poses [s]; the pose itself is evaluated in any case.
         search_seconds : float
@@ -214,7 +214,7 @@ class ToolContact:
         self._last = pose
         self._flag_contacts()
         stiffness, damping, damped = self.engine.derivatives(self._motion)
-        if self._takes_damping_apart:
+        if self._separates_damping:
             wrench += damped
         return LinearContact(
             pose, wrench, stiffness, self.contact_count, self._flags, damping, damped, self.energy,
@@ -259,7 +259,7 @@ class ToolContact:
         """Return the wrench at a pose; flag the tick if a search reached its time limit."""
         left = max(self._end - self._now(), 0.0)
         wrench = np.array(self.engine.wrench(pose, piece, left))
-        if self._takes_damping_apart:
+        if self._separates_damping:
             wrench -= self.engine.derivatives(self._motion).damped
         if self.engine.was_cut:
             self._flags |= CUT_SHORT
@@ -292,7 +292,7 @@ class ToolContact:
         seconds = until - self._now()
         count = min(wanted, max(1, int(min(seconds / max(self._cost, 1e-6), BUDGET + 1.0))))
         piece = self.dt / min(count, BUDGET)
-        at_end: list[Any] = []  # whether the last pose has been reached; then what is known of it
+        at_end: list[Any] = []  # empty until the last pose; then None, or its stored results
 
         def evaluate(s: float) -> Array:
             if s == 1.0:
@@ -312,7 +312,7 @@ class ToolContact:
             count,
             lever=self._extent,
             leap=LEAP[self.scene.anti_alias],
-            halve=self._halves and waves > 0,
+            halve=self._bisects and waves > 0,
             before=self._before,
             in_time=in_time,
         )
@@ -327,22 +327,22 @@ class ToolContact:
         return self._window.weigh(nodes)
 
     @property
-    def _halves(self) -> bool:
+    def _bisects(self) -> bool:
         """Whether to bisect around jumps of the wrench.
 
-        Friction has a state: its poses must be evaluated in the order of time. A tool on a coupling
-        bounces, which are jumps without texture, and passes hardly any of them on.
+        Friction has a state: its poses must be evaluated in the order of time. The force of a tool
+        on a coupling jumps when it bounces, even without texture, and the coupling filters that.
         """
         return not self._has_friction and not self._is_coupled
 
     @property
-    def _takes_damping_apart(self) -> bool:
-        """Whether wrenches are averaged without damping, which a coupling's step puts in itself."""
+    def _separates_damping(self) -> bool:
+        """Whether wrenches are averaged without damping, which a coupling's step adds itself."""
         return self._is_coupled and (self.scene.force.dissipation > 0.0 or self._has_friction)
 
     @property
     def _has_friction(self) -> bool:
-        return self.scene.force.friction > 0.0 or self._of_bodies > 0.0
+        return self.scene.force.friction > 0.0 or self._largest_friction > 0.0
 
     @property
     def _is_coupled(self) -> bool:

@@ -72,7 +72,7 @@ class FacetTable(NamedTuple):
     bends: Array
     """Bounds of the first [1/m] and second [1/m^2] derivatives of the normal, (n, 2)."""
     least: Array
-    """Least length of w, (n,)."""
+    """Smallest length of w, (n,)."""
     place: Array
     """Position on the texture, or in its frame: at the centre, by x, by y; (n, 9) [m]."""
     spread: Array
@@ -152,7 +152,7 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
     owner = np.repeat(np.arange(len(bodies)), [len(s) for s in sets])
     surface = np.concatenate(surfaces)
     is_mesh = np.array([body.mesh is not None for body in bodies])[owner]
-    place, spread, mapping = _on_texture(facets, surface, is_mesh, geometry)
+    place, spread, mapping = _texture_placement(facets, surface, is_mesh, geometry)
     first_geoms = np.cumsum([0, *(len(body.geoms) for body in bodies)])[:-1]
     raised, lowered = _heights(textures, geometry, len(bodies))
     rows, count_rows = _rows(facets)
@@ -167,13 +167,13 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         bends=facets.bends,
         least=facets.least, place=place, spread=spread, body=owner,
         surface=surface, mapping=mapping,
-        top=_tops(facets, surface, textures, geometry, place, mapping),
+        top=_texture_tops(facets, surface, textures, geometry, place, mapping),
         shares=_shares(facets.axes[:, 2]), geom=np.concatenate(geoms),
         friction=np.concatenate([row[:, 0] for row in properties]),
         stiffness=np.concatenate([row[:, 1] for row in properties]),
         has_map=np.bincount(geometry.body, geometry.stiffness_map[geometry.surface] >= 0) > 0.0,
         compliance=np.array([_compliances(*each) for each in zip(bodies, properties, strict=True)]),
-        varies=np.array([_varies(row) for row in properties]),
+        varies=np.array([_are_different(row) for row in properties]),
         slack=np.array(slacks), first_surface=geometry.surface[first_geoms], raised=raised,
         lowered=lowered, middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
         first=first, last=last, root=np.array(roots, dtype=np.int64),
@@ -231,7 +231,7 @@ def _properties(
     return out
 
 
-def _varies(properties: Array) -> bool:
+def _are_different(properties: Array) -> bool:
     """Return whether rows of friction and stiffness differ."""
     return len(np.unique(np.nan_to_num(properties, nan=-1.0), axis=0)) > 1
 
@@ -256,7 +256,7 @@ def _covered(facets: Facets, geoms: Sequence[Geom], own: Geom) -> NDArray[np.boo
     return hidden
 
 
-def _on_texture(
+def _texture_placement(
     facets: Facets, surface: NDArray, is_mesh: NDArray[np.bool_], geometry: Geometry
 ) -> tuple[Array, Array, Array]:
     """Return `place`, `spread` and `mapping` of a `FacetTable`."""
@@ -327,7 +327,7 @@ def _shares(normals: Array) -> Array:
     return raw / raw.sum(axis=1)[:, None]
 
 
-def _tops(
+def _texture_tops(
     facets: Facets, surface: NDArray, textures: PackedTextures, geometry: Geometry, place: Array,
     mapping: Array,
 ) -> Array:  # fmt: skip
@@ -340,12 +340,12 @@ def _tops(
     box[mapping[surface] != PLANAR] = [[-_EVERYWHERE] * 2, [_EVERYWHERE] * 2]
     out = np.zeros(len(facets))
     if len(textures.maps):
-        _highest(textures, texture, box, out)
+        _fill_tops(textures, texture, box, out)
     return out
 
 
 @kernel
-def _highest(textures, texture, box, out):
+def _fill_tops(textures, texture, box, out):
     """Fill the highest point of each texture within a box of (u, v), (n, 2, 2) [m]."""
     for i in range(texture.size):
         if texture[i] >= 0:

@@ -21,7 +21,7 @@ from asperity.contact.narrow_phase.surface_patch import FLATTEST
 
 MAX_FACET_PAIRS = 32768
 _FLATTEST = 0.01
-"""Least cosine to n of facets of two convex bodies."""
+"""Smallest cosine to n of facets of two convex bodies."""
 STACK = 512
 """Maximum number of pairs of boxes on the stack of a traversal."""
 _UNLIMITED = np.int64(1) << 40
@@ -72,7 +72,7 @@ class PairLimits(NamedTuple):
     margin: float
     """Largest distance between the bounding boxes of facets [m]."""
     min_cosine: float
-    """Least cosine of the angle between A's normal and minus B's."""
+    """Smallest cosine of the angle between A's normal and minus B's."""
 
 
 class BvhTraversal(NamedTuple):

@@ -51,8 +51,8 @@ def touchable(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
             yield i, model.body(int(model.geom_bodyid[i])).name
 
 
-def _beyond_pieces(model: mujoco.MjModel, body: Body) -> float:
-    """Return how far a body's mesh extends beyond its convex pieces in the MuJoCo model [m]."""
+def _convex_piece_error(model: mujoco.MjModel, body: Body) -> float:
+    """Return the largest distance of a mesh from its convex pieces in the MuJoCo model [m]."""
     from asperity.geometry.convex.pieces import piece_error  # slow to import
 
     assert body.mesh is not None
@@ -67,10 +67,10 @@ def _beyond_pieces(model: mujoco.MjModel, body: Body) -> float:
     return piece_error(body.mesh, tuple(pieces))
 
 
-def _reaches(model: mujoco.MjModel, body: Body) -> list[tuple[float, bool]]:
-    """Return how far a body extends beyond each geom of its [m], and whether the geom is smooth."""
+def _bound_errors(model: mujoco.MjModel, body: Body) -> list[tuple[float, bool]]:
+    """Return by how much a body exceeds each of its geoms [m], and whether the geom is smooth."""
     # Convex pieces do not fit the mesh exactly.
-    reach = 0.0 if body.mesh is None else _beyond_pieces(model, body)
+    reach = 0.0 if body.mesh is None else _convex_piece_error(model, body)
     # A spline is bounded by its coefficients, which exceed the samples.
     tops = {id(field): float(np.max(np.abs(field.coefficients))) for field in body.fields}
     textures = [surface.texture for surface in body.surfaces]
@@ -132,7 +132,7 @@ class Collider:
                 continue
             number = names.index(name)
             if name not in reach:
-                reach[name] = _reaches(self._model, bodies[number])
+                reach[name] = _bound_errors(self._model, bodies[number])
             if seen[name] < len(reach[name]):
                 height, is_smooth = reach[name][seen[name]]
                 # Without a texture the margin of the model itself is added.

@@ -48,7 +48,7 @@ _TICKS = 10.0
 _LEAST_SKIN, _MOST_SKIN = 2e-4, 1e-3
 """Range of the inner list's skin [m]."""
 _LEAST_WIDTH = 2.0
-"""Least skin of an outer list, in skins of the inner list. A pending list that overflows is
+"""Smallest skin of an outer list, in skins of the inner list. A pending list that overflows is
 restarted with half its skin, or given up below this one."""
 _WORN = 0.55
 """Fraction of the outer list's skin used up when the pending list is started."""

@@ -55,7 +55,7 @@ class PairList(NamedTuple):
     state: NDArray[np.void]
     """`LIST_STATE` records, (bodies,)."""
     needed_at: NDArray[np.float64]
-    """Least `NeighbourList.travelled` at which a pair may belong to the inner list [m],
+    """Smallest `NeighbourList.travelled` at which a pair may belong to the inner list [m],
     (bodies, MAX_LISTED); (bodies, 0) in the inner list itself."""
 
 

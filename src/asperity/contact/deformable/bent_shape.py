@@ -14,16 +14,15 @@ if TYPE_CHECKING:
     from scipy.spatial import KDTree
 
 _NEAREST, _CHUNK = 8, 50_000
-"""Triangles whose middles are nearest, on one of which a point lies; points that are placed at
-once."""
+"""Number of nearest triangles among which that of a point is chosen; points handled at a time."""
 _ASIDE = 0.5
-"""What a triangle that faces elsewhere counts as farther away by, over its size."""
+"""Penalty for a triangle with another normal, over its size."""
 
 
 class BentShape:
-    """Points on or near a deformable surface at rest, each with the triangle that bears it.
+    """Points on or near a deformable surface, each attached to one of its triangles.
 
-    A point keeps its place along its triangle, and its height above it.
+    A point keeps its barycentric coordinates in its triangle, and its height above it.
 
     Parameters
     ----------
@@ -47,15 +46,15 @@ class BentShape:
         tree = KDTree(surface.mesh.vertices[surface.mesh.faces].mean(axis=1))
         for first in range(0, n, _CHUNK):
             part = slice(first, first + _CHUNK)
-            self._face[part], self._weights[part] = self._borne(tree, local[part], facing[part])
+            self._face[part], self._weights[part] = self._attach(tree, local[part], facing[part])
         self._rest = self._smooth(surface.mesh.vertices, surface.mesh.normals)
         above = local - self._rest[0]
         self._height = np.einsum("ij,ij->i", above, self._rest[1])
         self._beside = above - self._height[:, None] * self._rest[1]
         self._lit = facing
 
-    def _borne(self, tree: KDTree, points: Array, normals: Array) -> tuple[Indices, Array]:
-        """Return the triangle of each point, and the weights of its corners there."""
+    def _attach(self, tree: KDTree, points: Array, normals: Array) -> tuple[Indices, Array]:
+        """Return the triangle of each point, and its barycentric coordinates there."""
         mesh = self._surface.mesh
         near = tree.query(points, k=min(_NEAREST, len(mesh.faces)))[1].reshape(len(points), -1)
         corners = mesh.vertices[mesh.faces]

@@ -1,6 +1,6 @@
-"""A box as tetrahedra: each of its hexahedra is six that share its longest diagonal (Kuhn, 1960).
+"""Tetrahedra of a box: six in each of its hexahedra, with a common diagonal (Kuhn, 1960).
 
-Neighbouring hexahedra are cut alike, so that faces and edges of all tetrahedra conform.
+Neighbouring hexahedra are divided in the same way, so that the mesh is conforming.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from asperity._core.arrays import Array, Indices
 
 
 def box_counts(half: Sequence[float], spacing: float) -> tuple[int, int, int]:
-    """Return into how many hexahedra each side of a box is divided, about `spacing` [m] long."""
+    """Return the number of hexahedra, about `spacing` [m] long, along each side of a box."""
     x, y, z = (max(round(2.0 * size / spacing), 1) for size in half)
     return x, y, z
 
@@ -22,7 +22,7 @@ def box_counts(half: Sequence[float], spacing: float) -> tuple[int, int, int]:
 def box_tetrahedra(
     half: Sequence[float], counts: tuple[int, int, int]
 ) -> tuple[Array, Indices, Indices]:
-    """Return a box about the origin as tetrahedra.
+    """Return the tetrahedra of a box centred at the origin.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def box_tetrahedra(
         [m]
     tetrahedra : (6 hexahedra, 4) array of int
     faces : (m, 3) array of int
-        Triangles of the surface, counter-clockwise as seen from outside.
+        Triangles of the surface, counter-clockwise from outside.
     """
     lines = (np.linspace(-h, h, n + 1) for h, n in zip(half, counts, strict=True))
     nodes = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -50,7 +50,7 @@ def box_tetrahedra(
         is_even = order in ((0, 1, 2), (1, 2, 0), (2, 0, 1))
         tetrahedra.append(first[:, None] + path[[0, 1, 2, 3] if is_even else [0, 2, 1, 3]])
     cells = np.concatenate(tetrahedra)
-    # Seen from outside, the three corners against a fourth one run counter-clockwise.
+    # The three corners opposite a fourth one are counter-clockwise from outside.
     faces = np.concatenate([cells[:, [1, 2, 3]], cells[:, [0, 3, 2]],
                             cells[:, [0, 1, 3]], cells[:, [0, 2, 1]]])  # fmt: skip
     _, at, times = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)

@@ -1,9 +1,9 @@
-"""A linear-elastic body in modal form, with the compliance that its modes leave out.
+"""A linear-elastic body in modal form, with residual flexibility.
 
 From tetrahedra, by finite elements (`elements`). With stiffness K and mass M of all nodes that are
-not held, the modes are `K phi = omega^2 M phi`, `phi^T M phi = 1`. A few dozen of them say how the
-body swings, but hardly how it yields under a small contact. So what they leave out of the static
-compliance is kept (residual flexibility: R. H. MacNeal, Computers & Structures 1, 581 (1971)):
+not held, the modes are `K phi = omega^2 M phi`, `phi^T M phi = 1`. A few dozen of them describe
+vibrations, but hardly the deformation under a small contact. So the part of the static compliance
+that they lack is kept (residual flexibility: R. H. MacNeal, Computers & Structures 1, 581 (1971)):
 
     u = Phi q + G f,      G = E K^-1 E^T - Phi omega^-2 Phi^T,
 
@@ -32,17 +32,17 @@ from asperity.errors import AsperityError, require_between, require_positive
 from asperity.geometry.mesh.mesh import Mesh
 
 MOST_VERTICES = 1500
-"""Of the surface: the compliance has nine numbers for each pair of them."""
+"""Of the surface: the compliance has nine entries for each pair of them."""
 MOST_TETRAHEDRA = 60_000
 _QUADRATIC = 8000
 """Number of tetrahedra up to which elements are quadratic."""
 _TOGETHER = 4
 """Right-hand sides solved in one call. SuperLU multiplies many small blocks; from 8 columns on,
-OpenBLAS splits each of them between threads, which takes three to ten times as long."""
+OpenBLAS uses threads for each of them, which takes three to ten times as long."""
 _LEFT = Path("__tracked_surface.stl")
-"""What fTetWild leaves in the working folder."""
+"""File that fTetWild leaves in the working folder."""
 _FLAT = 1e-6
-"""Least volume of a tetrahedron, over the cube of its longest edge."""
+"""Smallest volume of a tetrahedron, over the cube of its longest edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +54,12 @@ class ElasticBody:
     mesh : Mesh
         Its surface at rest, with v vertices.
     modes : (3 v, r) array
-        Displacements of the vertices in each mode, normalised by mass [kg^-1/2]; three rows a
-        vertex.
+        Displacements of the vertices in each mode, normalised by mass [kg^-1/2]; three rows for
+        each vertex.
     frequencies : (r,) array
         Angular frequencies [rad/s].
     compliance : (3 v, 3 v) array
-        Static displacement of the vertices over forces on them [m/N], of all that is not held.
+        Static displacements of the vertices over forces on them [m/N].
     mass : float
         [kg]
     """
@@ -72,7 +72,7 @@ class ElasticBody:
 
     @property
     def residual(self) -> Array:
-        """G, the part of the compliance that the modes leave out [m/N], (3 v, 3 v)."""
+        """G, the residual flexibility [m/N], (3 v, 3 v)."""
         return self.compliance - (self.modes / self.frequencies**2) @ self.modes.T
 
 
@@ -130,7 +130,7 @@ def elastic_body(
     ----------
     mesh : Mesh
         The surface, at most 1500 vertices. It need not be that of the tetrahedra: each vertex moves
-        with the tetrahedron that it is in or next to.
+        with the tetrahedron which contains it or is nearest.
     nodes : (n, 3)
         Corners of the tetrahedra [m].
     tetrahedra : (t, 4) of int
@@ -140,11 +140,11 @@ def elastic_body(
     density : float
         [kg/m^3]
     held : callable or (n,) of bool
-        Which nodes do not move; a callable takes the nodes (n, 3).
+        Whether each node is held; a callable takes the nodes (n, 3).
     poisson : float
         Poisson's ratio, 0 to below 0.5.
     modes : int
-        How many, from 1.
+        Number of modes, 1 or more.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def elastic_body(
     stiffness, mass = stiffness_and_mass(points, cells, unknowns, (modulus, poisson, density))
     free = np.setdiff1d(np.arange(stiffness.shape[0]), held_unknowns(cells, unknowns, is_held))
     onto = embedding(mesh, points, cells, unknowns)[:, free]
-    shapes, frequencies, compliance = _reduced(
+    shapes, frequencies, compliance = _reduce(
         stiffness[free][:, free], mass[free][:, free], onto, int(modes)
     )
     whole = float(density * _volumes(points, cells).sum())
@@ -205,7 +205,7 @@ def _volumes(points: Array, cells: Indices) -> Array:
 
 
 def _checked_elements(nodes: ArrayLike, tetrahedra: ArrayLike) -> tuple[Array, Indices]:
-    """Return nodes and tetrahedra, all wound alike, or refuse them."""
+    """Return nodes and tetrahedra, all with the same orientation, or refuse them."""
     points, cells = np.asarray(nodes, dtype=np.float64), np.asarray(tetrahedra)
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
         raise AsperityError(f"nodes must be finite, of shape (n, 3), got shape {points.shape}")
@@ -236,14 +236,14 @@ def _checked_elements(nodes: ArrayLike, tetrahedra: ArrayLike) -> tuple[Array, I
             f"tetrahedron {int(np.flatnonzero(flat)[0])} is flat: its volume is less than "
             f"{_FLAT:g} of the cube of its longest edge ({np.count_nonzero(flat)} such)"
         )
-    backwards = volume < 0.0  # files wind tetrahedra as they like
+    backwards = volume < 0.0  # files have either orientation
     cells[backwards] = cells[backwards][:, [0, 2, 1, 3]]
     _refuse_inverted(points, cells)
     return points, cells
 
 
 def _refuse_inverted(points: Array, cells: Indices) -> None:
-    """Refuse tetrahedra that lie on the same side of a face as their neighbour over it."""
+    """Refuse tetrahedra on the same side of a face as their neighbour across it."""
     opposite = np.arange(4).repeat(len(cells))
     cell = np.tile(np.arange(len(cells)), 4)
     faces = np.concatenate([np.delete(cells, k, axis=1) for k in range(4)])
@@ -271,7 +271,7 @@ def _refuse_inverted(points: Array, cells: Indices) -> None:
         )
 
 
-def _reduced(stiffness: Any, mass: Any, onto: Any, count: int) -> tuple[Array, Array, Array]:
+def _reduce(stiffness: Any, mass: Any, onto: Any, count: int) -> tuple[Array, Array, Array]:
     """Return modes at the vertices, their angular frequencies, and the static compliance."""
     from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
@@ -285,7 +285,7 @@ def _reduced(stiffness: Any, mass: Any, onto: Any, count: int) -> tuple[Array, A
     inverse = LinearOperator(stiffness.shape, factor.solve, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(size)
     squares, shapes = eigsh(stiffness, count, mass, sigma=0.0, OPinv=inverse, v0=start)
-    rows = np.flatnonzero(np.diff(onto.tocsr().indptr))  # not of held vertices
+    rows = np.flatnonzero(np.diff(onto.tocsr().indptr))  # without held vertices
     compliance = np.zeros((onto.shape[0], onto.shape[0]))
     for first in range(0, len(rows), _TOGETHER):
         block = rows[first : first + _TOGETHER]

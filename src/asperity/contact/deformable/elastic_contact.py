@@ -1,14 +1,14 @@
-"""An elastic body whose textured surface touches rigid bodies: in time, and at rest.
+"""Contact of an elastic body's textured surface with rigid bodies: dynamic, and static.
 
-Of the displacements u = Phi q + G f of the surface the modes swing, `q'' + 2 zeta omega q' +
-omega^2 q = Phi^T f`, and the rest follows the forces f at once. A step of h is implicit (backward
+In the displacements u = Phi q + G f of the surface the modes are dynamic, `q'' + 2 zeta omega q' +
+omega^2 q = Phi^T f`, the rest is quasi-static in the forces f. A step of h is implicit (backward
 Euler): with H = h^2 / (1 + 2 zeta omega h + h^2 omega^2) of each mode, and f linearised about the
 last displacements u_k,
 
     u = u_0 + (Phi H Phi^T + G) f,    f = f_k - (K + D / h) (u - u_k),
 
 with u_0 the displacements without contact, K and D stiffness and damping of the contact: one system
-of equations for the vertices that are touched.
+of equations for the vertices in contact.
 """
 
 from __future__ import annotations
@@ -47,18 +47,18 @@ _STEP_ERROR = 3e-4
 _NEWTON_STEPS, _HALVINGS = 16, 4
 _CLOSE = 1e-9
 """Largest error of a displacement at rest, over the thickness of the layer [-]."""
-# Arrays that these are given are contiguous.
+# These take contiguous arrays.
 _add_product, _agreeing = Repeated(add_product), Repeated(agreeing_forces)
 _disagreement, _displaced = Repeated(disagreement), Repeated(displaced)
 _farthest, _first_turned = Repeated(farthest), Repeated(first_turned)
-_pull_on_modes, _stored = Repeated(pull_on_modes), Repeated(stored)
+_pull_on_modes, _stored_energy = Repeated(pull_on_modes), Repeated(stored)
 _yielding = Repeated(yielding_stiffness)
 
 
 class ElasticContact:
-    """An elastic body with a textured surface among rigid bodies.
+    """Contact of an elastic body with a textured surface and rigid bodies.
 
-    All is in the frame of the elastic body: its held nodes do not move.
+    All quantities are in the frame of the elastic body: its held nodes do not move.
 
     Parameters
     ----------
@@ -66,13 +66,13 @@ class ElasticContact:
     surface : DeformableSurface
         On the mesh of the body.
     bodies : sequence of Body
-        What it meets; meshes have to be closed.
+        The other bodies; meshes have to be closed.
     damping : float
         Damping ratio zeta of each mode, 0 to 10.
     centres : (bodies, 3), optional
-        Points about which torques on the bodies are, in their frames [m].
+        Reference points of torques on the bodies, in their frames [m].
     leap : float, optional
-        Largest way of a vertex in one step [m]; by default the thickness of the layer.
+        Largest displacement of a vertex in one step [m]; by default the thickness of the layer.
 
     Raises
     ------
@@ -108,7 +108,7 @@ class ElasticContact:
         self.reset()
 
     def reset(self) -> None:
-        """Put the body back to rest, without contact."""
+        """Reset the body to rest, without contact."""
         count = self.body.modes.shape[1]
         self._q, self._rate = np.zeros(count), np.zeros(count)
         self._u, self._force = np.zeros(len(self.body.modes)), np.zeros(len(self.body.modes))
@@ -116,7 +116,7 @@ class ElasticContact:
         self._poses: list[Array] | None = None
         self.surface.clear()
         self.error = 0.0
-        """How far the displacements of the last step are from those their contact causes [m]."""
+        """Residual of the last step: displacements minus those caused by the contact [m]."""
 
     @property
     def vertices(self) -> Array:
@@ -132,7 +132,7 @@ class ElasticContact:
     def energy(self) -> float:
         """Elastic energy of the body and of the layer [J]."""
         modal = float(((self.body.frequencies * self._q) ** 2).sum())
-        return self.surface.energy + 0.5 * (modal + _stored(self._residual, self._force))
+        return self.surface.energy + 0.5 * (modal + _stored_energy(self._residual, self._force))
 
     @property
     def is_accurate(self) -> bool:
@@ -164,7 +164,7 @@ class ElasticContact:
         ------
         AsperityError
             A pose or the step is wrong, a vertex would move by more than `leap`, or the surface
-            collapses or turns inside out. The body is then at rest again, and there is no force.
+            collapses or is inverted. The body is then at rest again, without force.
         """
         require_between("dt", dt, 1e-6, LONGEST_STEP, "s")
         placed = [require_pose(pose, "pose") for pose in poses]
@@ -212,50 +212,50 @@ class ElasticContact:
     def _implicit(self, free: Array, dt: float) -> tuple[Array, Array]:
         """Return forces on the vertices and displacements at the end of a step, (3 v,) both.
 
-        `free` are the displacements without contact. By Newton's method: a step that makes the
-        error larger is halved. The contact is left as it is at these displacements.
+        `free` are the displacements without contact. By Newton's method, whose steps are halved if
+        they increase the error. The contact is then that at these displacements.
         """
         goal = _STEP_ERROR * self.surface.surface.thickness
-        # From where the surface goes on as it moved: with the last forces on it, these would leap.
+        # Start from the extrapolated motion: with the last forces instead, these would jump.
         u = self._u + dt * self._speed
-        error = self._error(u, free, dt)
+        error = self._contact_residual(u, free, dt)
         first = force = self.surface.state.force.ravel().copy()
         slipping = 1.0
         for _ in range(_NEWTON_STEPS):
             if error <= goal:
                 break
             better, share = self._solved(free, self._yield, dt, slipping), 1.0
-            target, start = _plus(free, self._yield, better), (u, force)
+            target, start = _add_to(free, self._yield, better), (u, force)
             for _ in range(_HALVINGS):
                 u = start[0] + share * (target - start[0])
                 force = start[1] + share * (better - start[1])
-                found = self._error(u, free, dt)
+                found = self._contact_residual(u, free, dt)
                 if found < error:
                     break
                 share *= 0.5
             if found >= error and slipping:
-                # Near the speed at which friction ceases to grow its slope leads astray.
+                # Near the speed at which friction saturates, its slope misleads Newton's method.
                 (u, force), slipping = start, 0.0
-                found = self._error(u, free, dt)
+                found = self._contact_residual(u, free, dt)
             error = found
         self.error = error
         return force, (self._found.copy() if force is first else u)
 
-    def _error(self, u: Array, free: Array, dt: float) -> float:
-        """Return how far displacements are from those that their contact causes [m].
+    def _contact_residual(self, u: Array, free: Array, dt: float) -> float:
+        """Return the residual: displacements minus those caused by their contact [m].
 
-        These are `_found` then.
+        Fills `_found` with the latter.
         """
         self._press(u, (u - self._u) / dt)
         force = self.surface.state.force.ravel()
         return float(_disagreement(free, self._yield, force, u, self._found))
 
     def derivatives(self) -> tuple[Array, Array]:
-        """Return stiffness and damping (6, 6) that the first body feels in a step, or at rest.
+        """Return stiffness and damping (6, 6) on the first body, of contact and elastic body.
 
-        About its centre, in the frame of the elastic body, of contact and yielding body together,
-        as Gauss and Newton take them: over the step; or at rest, over any time, without damping.
-        Both are symmetric and positive semidefinite [N/m, N/rad; N, N m/rad].
+        About its centre, in the frame of the elastic body, in the Gauss-Newton approximation: over
+        the last step, or static and without damping after `settle`. Both are symmetric and positive
+        semidefinite [N/m, N/rad; N, N m/rad].
         """
         state, (compliance, dt) = self.surface.state, self._acting
         count = int(state.pressed[-1])
@@ -274,25 +274,24 @@ class ElasticContact:
     def settle(
         self, poses: Sequence[ArrayLike], *, most: int = 200, close: float = _CLOSE
     ) -> Array:
-        """Bring the body to rest under bodies that do not move; return the wrenches on these.
+        """Find static equilibrium with bodies at rest; return the wrenches on these.
 
-        The energy of body and layer is then least, so the wrenches are minus its gradient with
+        The energy of body and layer is then minimal, so the wrenches are minus its gradient with
         respect to the poses alone.
 
         Parameters
         ----------
         poses : (bodies, 7)
         most : int
-            Number of Newton steps.
+            Maximum number of Newton steps.
         close : float
-            Largest error of a displacement, over the thickness of the layer, at which they end.
+            Tolerance of displacements, over the thickness of the layer.
 
         Raises
         ------
         AsperityError
-            It does not come to rest: after these steps it is not as accurate as a step in time has
-            to be. Or the surface collapses or turns inside out. The body is then
-            undeformed, and there is no force.
+            The steps do not converge to the accuracy of a time step, or the surface collapses or is
+            inverted. The body is then undeformed, without force.
         """
         require_not_negative("most", most)
         placed = [require_pose(pose, "pose") for pose in poses]
@@ -312,14 +311,14 @@ class ElasticContact:
         self._acting = compliance, math.inf
         thickness = self.surface.surface.thickness
         force = self._force
-        u = _plus(none, compliance, force)
+        u = _add_to(none, compliance, force)
         self._press(u, none)
-        energy = self._stored(u, force)
+        energy = self._total_energy(u, force)
         for turn in range(most + 1):
             better = self._solved(none, compliance, np.inf)
-            target = _plus(none, compliance, better)
+            target = _add_to(none, compliance, better)
             self.error = float(np.abs(target - u).max())
-            # It converges by a constant factor, since K leaves out how normals turn.
+            # Convergence is linear, since K ignores the rotation of normals.
             goal = close if turn < most else max(close, _STEP_ERROR)
             if self.error < goal * thickness:
                 self._u, self._force = target, better
@@ -330,14 +329,14 @@ class ElasticContact:
             while True:
                 trial = u + share * (target - u), force + share * (better - force)
                 self._press(trial[0], none)
-                found = self._stored(*trial)
+                found = self._total_energy(*trial)
                 if found <= energy * (1.0 + 1e-12) or share < 1e-6:
                     break
                 share *= 0.5
             (u, force), energy = trial, found
         raise AsperityError(f"the elastic body did not come to rest within {most} steps of Newton")
 
-    def _stored(self, u: Array, force: Array) -> float:
+    def _total_energy(self, u: Array, force: Array) -> float:
         """Return the energy of body and layer [J]."""
         return self.surface.energy + 0.5 * float(u @ force)
 
@@ -347,10 +346,10 @@ class ElasticContact:
         self._at = u
 
     def _solved(self, free: Array, compliance: Array, dt: float, slipping: float = 1.0) -> Array:
-        """Return the forces on the vertices (3 v,) that agree with the displacements they cause.
+        """Return the forces on the vertices (3 v,) that are consistent with their displacements.
 
-        `free` are the displacements without them. `slipping`: 1 for the slope of the friction, 0
-        for its ratio to the slip velocity.
+        `free` are the displacements without them. `slipping` is 1 for the tangent of the friction,
+        0 for its secant.
         """
         state, out = self.surface.state, np.empty_like(free)
         count = int(state.pressed[-1])
@@ -361,7 +360,7 @@ class ElasticContact:
         return out
 
     def _refuse_inverted(self) -> None:
-        """Refuse a surface that has turned inside out where it is touched."""
+        """Refuse a surface that is inverted where it is in contact."""
         state, surface = self.surface.state, self.surface.surface
         turned = _first_turned(state.pressed, state.normal, surface.normals)
         if turned >= 0:
@@ -371,8 +370,8 @@ class ElasticContact:
             )
 
 
-def _plus(start: Array, matrix: Array, vector: Array) -> Array:
-    """Return `start` and a symmetric matrix times a vector most of whose numbers are 0."""
+def _add_to(start: Array, matrix: Array, vector: Array) -> Array:
+    """Return `start` plus a symmetric matrix times a sparse vector."""
     out = start.copy()
     _add_product(matrix, vector, out)
     return out

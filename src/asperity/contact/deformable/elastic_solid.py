@@ -1,7 +1,7 @@
-"""An elastic body as a user describes it: what it is made of, how it is held and divided.
+"""User-level description of an elastic body: material, support, mesh.
 
-The modal form of a body takes seconds, so it is kept on disk: for a modulus of 1 Pa and a density
-of 1 kg/m^3, from which that of any other follows, `K ~ E` and `M ~ rho`.
+The modal form of a body takes seconds to compute, so it is cached on disk for a modulus of 1 Pa and
+a density of 1 kg/m^3, from which that of any other follows: `K ~ E` and `M ~ rho`.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ SIDES: dict[str, tuple[tuple[int, int], ...]] = {
     "front": ((1, -1),), "back": ((1, 1),), "ends": ((0, -1), (0, 1)),
     "rim": ((0, -1), (0, 1), (1, -1), (1, 1)),
 }  # fmt: skip
-"""What may be held: sides of the body, by axis of its frame and direction."""
+"""Parts that can be held: sides of the body, by axis of its frame and direction."""
 FEW_VERTICES, FEW_TAXELS = 700, 150_000
-"""Of the surface, that a spacing and a pitch which are not given may lead to."""
+"""Largest numbers of the surface with a default spacing and pitch."""
 FILE_KIND = "elastic-bodies"
 
 
@@ -63,20 +63,20 @@ class ElasticSolid:
     damping : float
         Damping ratio of each mode, 0 to 10.
     modes : int
-        How many of them swing; all else yields at once.
+        Number of dynamic modes; the rest of the deformation is quasi-static.
     fixed : str
-        Which part is held: one of `SIDES`, of the body's frame.
+        Part that is held: one of `SIDES`, in the body's frame.
     fixed_depth : float, optional
-        How far into the body it is held [m]; by default a quarter of the spacing.
+        Depth of the held part [m]; by default a quarter of the spacing.
     spacing : float, optional
         Length of the elements' edges [m]; by default a quarter of the smallest side, or more.
     friction : float
         Coulomb's coefficient [-], 0 to 100; see `SkinContact`.
     layer_thickness, layer_modulus : float, optional
-        Of the layer that bears the texture [m], [Pa]; by default half the spacing, and the body's.
+        Of the layer with the texture [m], [Pa]; by default half the spacing, and the body's.
     pitch : float, optional
-        Distance between taxels [m]; by default an eighth of the spacing or a third of the texture's
-        shortest wave, whichever is less.
+        Distance between taxels [m]; by default the smaller of an eighth of the spacing and a third
+        of the texture's shortest wavelength.
 
     Raises
     ------
@@ -99,7 +99,7 @@ class ElasticSolid:
     layer_modulus: float | None = None
     pitch: float | None = None
     notes: tuple[str, ...] = field(default=(), init=False)
-    """What was chosen."""
+    """Notes on chosen defaults."""
 
     def __post_init__(self) -> None:
         require_between("modulus", self.modulus, 1.0, 1e13, "Pa")
@@ -132,9 +132,9 @@ class ElasticSolid:
         self._refuse_undivided()
 
     def _choose(self) -> None:
-        """Set what is not given, and note it."""
+        """Set the defaults of parameters that are not given, and note them."""
         chosen = {}
-        spacing = self._usual_spacing() if self.spacing is None else float(self.spacing)
+        spacing = self._default_spacing() if self.spacing is None else float(self.spacing)
         if self.spacing is None:
             chosen["spacing"] = spacing
         if self.fixed_depth is None:
@@ -158,13 +158,13 @@ class ElasticSolid:
 
     @property
     def _corners(self) -> Array:
-        """Corners of the triangles of the surface, undivided [m], (m, 3, 3)."""
+        """Corners of the triangles of the undivided surface [m], (m, 3, 3)."""
         if self.body.mesh is not None:
             return np.asarray(self.body.mesh.vertices[self.body.mesh.faces])
         nodes, _, faces = box_tetrahedra(self.body.geoms[0].size, (1, 1, 1))
         return np.asarray(nodes[faces])
 
-    def _usual_spacing(self) -> float:
+    def _default_spacing(self) -> float:
         if self.body.mesh is not None:
             return 0.25 * float(np.ptp(self.body.mesh.vertices, axis=0).min())
         half = self.body.geoms[0].size
@@ -175,10 +175,10 @@ class ElasticSolid:
 
     @cached_property
     def divided(self) -> tuple[Mesh, Array, Indices]:
-        """The surface, and nodes (n, 3) [m] and tetrahedra (t, 4) below it, in the body's frame."""
+        """The surface, and nodes (n, 3) [m] and tetrahedra (t, 4) in it, in the body's frame."""
         assert self.spacing is not None
         if self.body.mesh is not None:
-            return self.body.mesh, *self._filled(self.body.mesh, self.spacing)
+            return self.body.mesh, *self._fill_with_tetrahedra(self.body.mesh, self.spacing)
         geom = self.body.geoms[0]
         counts = box_counts(geom.size, self.spacing)
         if _vertices(counts) > MOST_VERTICES or 6 * np.prod(counts) > MOST_TETRAHEDRA:
@@ -193,9 +193,9 @@ class ElasticSolid:
         mesh = mesh_from_arrays(placed[used], corner.reshape(-1, 3), name=self.body.name)
         return mesh, placed, tetrahedra
 
-    def _filled(self, mesh: Mesh, spacing: float) -> tuple[Array, Indices]:
-        """Return nodes and tetrahedra that fill a mesh, kept on disk."""
-        file = _kept(f"tetrahedra {spacing!r}", mesh.vertices, mesh.faces)
+    def _fill_with_tetrahedra(self, mesh: Mesh, spacing: float) -> tuple[Array, Indices]:
+        """Return nodes and tetrahedra that fill a mesh, cached on disk."""
+        file = _cache_file(f"tetrahedra {spacing!r}", mesh.vertices, mesh.faces)
         found = read_arrays(file) or {}
         if not {"nodes", "tetrahedra"} <= found.keys():
             try:
@@ -207,7 +207,7 @@ class ElasticSolid:
         return found["nodes"], found["tetrahedra"]
 
     def held(self, nodes: Array) -> Mask:
-        """Return which nodes (n, 3) of the body's frame do not move."""
+        """Return whether each node (n, 3), in the body's frame, is held."""
         assert self.fixed_depth is not None
         out = np.zeros(len(nodes), bool)
         for axis, direction in SIDES[self.fixed]:
@@ -234,10 +234,10 @@ class ElasticSolid:
 
     @cached_property
     def elastic(self) -> ElasticBody:
-        """The body in modal form, from the disk if it is there."""
+        """The body in modal form, from the cache on disk if possible."""
         mesh, nodes, tetrahedra = self.divided
         inputs = (mesh.vertices, mesh.faces, nodes, tetrahedra, self.held(nodes))
-        file = _kept(f"modal {self.poisson!r} {self.modes}", *inputs)
+        file = _cache_file(f"modal {self.poisson!r} {self.modes}", *inputs)
         found, v = read_arrays(file) or {}, len(mesh.vertices)
         shapes = {
             "modes": (3 * v, self.modes), "frequencies": (self.modes,),
@@ -270,11 +270,11 @@ class ElasticSolid:
         )  # fmt: skip
 
     def contact(self, others: Sequence[Body], **options: Any) -> ElasticContact:
-        """Return its contact with other bodies, in its frame; see `ElasticContact`."""
+        """Return the contact with other bodies, in this body's frame; see `ElasticContact`."""
         return ElasticContact(self.elastic, self.surface, others, damping=self.damping, **options)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is on the disk, or quickly made: it is large."""
+        """Omit large arrays that are cached on disk or quickly made."""
         made = ("divided", "elastic", "surface")
         return {name: value for name, value in vars(self).items() if name not in made}
 
@@ -288,8 +288,8 @@ def _vertices(counts: tuple[int, int, int]) -> int:
     return int(np.prod([n + 1 for n in counts]) - inner)
 
 
-def _kept(what: str, *arrays: Any) -> Path:
-    """Return the file of what is computed from arrays by this version of the code."""
+def _cache_file(what: str, *arrays: Any) -> Path:
+    """Return the cache file of a result computed from arrays by this version of the code."""
     code = source_hash(Path(__file__).with_name("elastic_body.py"))
     digest = hashlib.sha256(f"{code} {what}".encode())
     for array in arrays:

@@ -1,7 +1,7 @@
 """Finite elements of linear elasticity: tetrahedra with linear or quadratic displacements.
 
 Shape functions are polynomials of the barycentric coordinates l of degree 1, `N = l`, or, since the
-coordinates add up to 1, homogeneous ones of degree 2, `N = l^T Q l`. So all integrals have closed
+coordinates sum to 1, homogeneous ones of degree 2, `N = l^T Q l`. So all integrals have closed
 forms: over a tetrahedron of volume V the mean of `l_0^a l_1^b l_2^c l_3^d` is
 `3! a! b! c! d! / (a + b + c + d + 3)!` (Zienkiewicz & Taylor, The Finite Element Method).
 """
@@ -18,7 +18,7 @@ from asperity.errors import AsperityError
 from asperity.geometry.mesh.mesh import Mesh
 
 _EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
-"""Corners of a tetrahedron between which its other nodes lie."""
+"""Pairs of a tetrahedron's corners with its other nodes between them."""
 
 
 def unknowns_of(cells: Indices, count: int, is_quadratic: bool) -> Indices:
@@ -52,7 +52,7 @@ def stiffness_and_mass(
     points : (n, 3) array
         [m]
     cells : (t, 4) array
-        All wound alike.
+        All with the same orientation.
     unknowns : (t, 4 or 10, 3) array
         See `unknowns_of`.
     material : tuple
@@ -68,7 +68,7 @@ def stiffness_and_mass(
     rates = np.empty((len(cells), 4, 3))
     rates[:, 1:] = np.swapaxes(np.linalg.inv(edges), 1, 2)
     rates[:, 0] = -rates[:, 1:].sum(axis=1)
-    slopes, squares = _reference(unknowns.shape[1])
+    slopes, squares = _reference_means(unknowns.shape[1])
     # Mean of dN_m/dx_a times dN_n/dx_b, and with it Hooke's law.
     product = np.einsum("minj,tia,tjb->tmanb", slopes, rates, rates, optimize=True)
     law = dilation * product + shear * np.swapaxes(product, 2, 4)
@@ -85,7 +85,7 @@ def stiffness_and_mass(
     return made[0], made[1]
 
 
-def _reference(count: int) -> tuple[Array, Array]:
+def _reference_means(count: int) -> tuple[Array, Array]:
     """Return means over an element: of `dN_m/dl_i dN_n/dl_j` and of `N_m N_n`."""
     two = (np.ones((4, 4)) + np.eye(4)) / 20.0  # of l_i l_j
     if count == 4:
@@ -107,7 +107,7 @@ def _reference(count: int) -> tuple[Array, Array]:
 def embedding(mesh: Mesh, points: Array, cells: Indices, unknowns: Indices) -> Any:
     """Return the sparse matrix from displacements of nodes to those of a surface's vertices.
 
-    Of three rows a vertex; each moves with the element that it is in or next to.
+    It has three rows for each vertex, which moves with the element that contains it or is nearest.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Forces on the vertices that agree with the displacements they cause, linearised.
+"""Forces on the vertices that are consistent with the displacements they cause, linearised.
 
-Kernels of their own in the place of a library's matrix products: these take threads, which spoil a
-loop of 1 kHz, and most of the forces are 0.
+Kernels instead of a library's matrix products: these use threads, which disturb a loop of 1 kHz,
+and do not exploit that most of the forces are 0.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from asperity._core.kernels import inner_kernel, kernel
 
 @kernel
 def add_product(matrix, vector, out):
-    """Add a symmetric matrix (n, n) times a vector (n,), most of whose numbers are 0, to `out`."""
+    """Add a symmetric matrix (n, n) times a sparse vector (n,) to `out`."""
     for row in range(vector.size):
         if vector[row] != 0.0:
             for k in range(out.size):
@@ -22,7 +22,7 @@ def add_product(matrix, vector, out):
 
 @kernel
 def farthest(one, two):
-    """Return the largest difference of two rows of numbers (n,); inf where one is not finite."""
+    """Return the largest difference of two vectors (n,); inf if an entry is not finite."""
     most = 0.0
     for i in range(one.size):
         apart = abs(one[i] - two[i])
@@ -32,7 +32,7 @@ def farthest(one, two):
 
 @kernel
 def first_turned(pressed, normal, at_rest):
-    """Return the first triangle of `pressed` whose normal points away from that at rest, or -1.
+    """Return the first triangle of `pressed` whose normal is opposite to that at rest, or -1.
 
     `pressed` (m + 1,) as in `SurfaceState`; the normals (m, 3).
     """
@@ -47,7 +47,7 @@ def first_turned(pressed, normal, at_rest):
 
 @kernel
 def disagreement(free, compliance, force, u, found):
-    """Return how far u is from `free + compliance force`, which is filled into `found`; all (n,).
+    """Return the largest difference of u and `found = free + compliance force`, filled; all (n,).
 
     `compliance` is symmetric; most of the forces are 0.
     """
@@ -59,7 +59,7 @@ def disagreement(free, compliance, force, u, found):
 
 @kernel
 def stored(matrix, vector):
-    """Return v M v of a matrix (n, n) and a vector v (n,), most of whose numbers are 0."""
+    """Return v M v of a matrix (n, n) and a sparse vector v (n,)."""
     places, count, total = np.empty(vector.size, np.int64), 0, 0.0
     for i in range(vector.size):
         if vector[i] != 0.0:
@@ -95,7 +95,7 @@ def pull_on_modes(modes, force, out):
 
 @inner_kernel
 def _eliminate(matrix, right, order):
-    """Solve a system (n, n) for right sides (n, m) in place, by Gauss with partial pivots.
+    """Solve a system (n, n) for right sides (n, m) in place, by elimination with partial pivoting.
 
     Row `order[k]` of `right` becomes unknown k.
     """
@@ -128,7 +128,7 @@ def _eliminate(matrix, right, order):
 
 @inner_kernel
 def _number_vertices(faces, local, vertex):
-    """Fill the numbers of the vertices of triangles, by their first use; return how many.
+    """Assign numbers to the vertices of triangles, by first use; return how many there are.
 
     `local` (v,) has the number of a vertex, or -1; `vertex` the vertex of a number.
     """
@@ -145,7 +145,7 @@ def _number_vertices(faces, local, vertex):
 
 @inner_kernel
 def _fill_system(faces, springs, compliance, local, vertex, part, matrix):
-    """Fill `I + K C` of the numbered vertices, three rows each, and C of these alone, `part`."""
+    """Fill `I + K C` of the numbered vertices, three rows each, and their part of C, `part`."""
     n = matrix.shape[0]
     for i in range(n):
         row = compliance[3 * vertex[i // 3] + i % 3]
@@ -163,15 +163,15 @@ def _fill_system(faces, springs, compliance, local, vertex, part, matrix):
 
 @kernel
 def agreeing_forces(faces, springs, compliance, free, place, force, out):
-    """Fill `out` with the forces f that agree with the displacements u = free + compliance f.
+    """Fill `out` with the forces f that are consistent with u = free + compliance f.
 
-    About the displacements `place`, at which the contact exerts `force`, it is linear:
+    The contact is linearised about the displacements `place`, where it exerts `force`:
     `f = force - K (u - place)`.
 
     Parameters
     ----------
     faces : (count, 3) array of int
-        Vertices of the touched triangles.
+        Vertices of the triangles in contact.
     springs : (count, 9, 9) array
         K of each of them [N/m].
     compliance : (3 v, 3 v) array
@@ -184,7 +184,7 @@ def agreeing_forces(faces, springs, compliance, free, place, force, out):
     base = free.copy()
     for i in range(out.size):
         out[i] = 0.0 if local[i // 3] >= 0 else force[i]
-    # The normals of neighbours turn, too: what these pull at their vertices is taken as it is.
+    # The normals of neighbours turn too: the resulting forces on their vertices are kept constant.
     for i in range(out.size):
         if out[i] != 0.0:
             for k in range(out.size):
@@ -207,10 +207,11 @@ def agreeing_forces(faces, springs, compliance, free, place, force, out):
 
 @kernel
 def yielding_stiffness(faces, springs, compliance, arms, out):
-    """Fill `out` (6, 6) with the stiffness felt by what touches triangles on a body that yields.
+    """Fill `out` (6, 6) with the stiffness of contact and compliant body for the other body.
 
-    With R the rigid motion of the touched vertices, `R^T (K^-1 + C)^-1 R = R^T (I + K C)^-1 K R`:
-    the springs are moved by a motion of the other body as by the opposite one of their vertices.
+    With R the rigid motion of the vertices in contact, it is
+    `R^T (K^-1 + C)^-1 R = R^T (I + K C)^-1 K R`: a motion of the other body deforms the springs as
+    the opposite motion of their vertices does.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""The taxels of a surface whose vertices move: compressions, and forces on vertices and bodies.
+"""The taxels of a surface with moving vertices: compressions, and forces on vertices and bodies.
 
-A taxel lies at fixed barycentric coordinates beta of a triangle. With q = sum beta_i x_i, nu the
-unit vector along `sum beta_i nu_i` of the normals at the corners, and h its texture's height, its
-ray starts at q + h nu and goes along -nu. Where it leaves the other body, at
-X = q + (h - delta) nu, that body's normal is N. With m = N / (N.(-nu)),
+A taxel has fixed barycentric coordinates beta in a triangle. With q = sum beta_i x_i, nu the unit
+vector along `sum beta_i nu_i` of the normals at the corners, and h its texture's height, its ray
+starts at q + h nu and goes along -nu. At its exit from the other body, X = q + (h - delta) nu, that
+body's normal is N. With m = N / (N.(-nu)),
 
     d(delta) = -m . (sum beta_i dx_i + (h - delta) dnu),
 
@@ -12,7 +12,7 @@ so that the energy `U = sum a w(delta)`, a the area at rest, gives each vertex t
     -dU/dx_i = sum p a (beta_i m + (h - delta) m . dnu/dx_i).
 
 The normal of a corner is `a e1 + b e2 + c n`, e1 and e2 edges and n the normal of its triangle,
-with the coefficients that it has at rest; corners that shared one normal then share the mean.
+with coefficients from the state at rest; corners with a common normal at rest have the mean.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from asperity.contact.soft.taxel_sums import (
 )
 
 COLLAPSED = 1e-4
-"""Least area of a triangle, over that at rest."""
+"""Smallest area of a triangle, as a fraction of that at rest."""
 
 
 @inner_kernel
@@ -105,10 +105,10 @@ def _is_near(solids, relative, surface, x, f):
 
 
 @inner_kernel
-def _lay(surface, state, x, f, t):
-    """Fill ray and place of a taxel of triangle `f`, which is on the smooth triangle yet.
+def _fill_ray(surface, state, x, f, t):
+    """Fill ray and point of a taxel of triangle `f`; the point is on the smooth triangle before.
 
-    Return the length of its blended normal.
+    Returns the length of its blended normal.
     """
     point, inwards = state.taxels.point[t], state.taxels.inwards[t]
     for i in range(3):
@@ -125,8 +125,8 @@ def _lay(surface, state, x, f, t):
 
 
 @inner_kernel
-def _lay_along(surface, state, x, f, t):
-    """Fill the axes of a taxel's shear: the triangle's first edge across the ray, and a second."""
+def _fill_shear_axes(surface, state, x, f, t):
+    """Fill the axes of a taxel's shear: the first edge's part normal to the ray, and another."""
     along, d = state.taxels.along[t], state.taxels.inwards[t]
     a, b = surface.faces[f, 0], surface.faces[f, 1]
     part = square = 0.0
@@ -145,7 +145,7 @@ def _lay_along(surface, state, x, f, t):
 
 @inner_kernel
 def _slip(surface, motion, f, t, body, x, slip_out):
-    """Fill the velocity of a taxel over the body at a point x, and zeros (6,)."""
+    """Fill the velocity of a taxel relative to the body at a point x, and zeros; (6,)."""
     twist, centre = motion.twists[body], motion.centres[body]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -177,7 +177,7 @@ def _push_vertices(surface, state, out, f, t, m, length):
         square += m[i] * m[i]
         along += out.force[t, i] * m[i]
         turned -= m[i] * state.taxels.inwards[t, i]
-    # Friction is across m.
+    # Friction is perpendicular to m.
     pushed = along / square * (surface.height[t] - out.compression[t]) / length
     for corner in range(3):
         share, g = surface.weight[t, corner], surface.shared[f, corner]
@@ -200,8 +200,8 @@ def _add_product(one, two, factor, matrix_out):
 def _add_blocks(surface, state, row, t, m, slip, springs):
     """Add stiffness and damping of a taxel to those of its triangle's vertices.
 
-    `slip` (3,) is the slip velocity across m. `springs`: stiffness along m [N/m], friction over the
-    slip velocity [N s/m], and by which part that grows for each metre of compression [1/m].
+    `slip` (3,) is the slip velocity normal to m. `springs` has the stiffness along m [N/m],
+    friction over the slip velocity [N s/m], and its relative increase with compression [1/m].
     """
     slope, drag, growth = springs
     square = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
@@ -224,8 +224,8 @@ def _add_blocks(surface, state, row, t, m, slip, springs):
 
 
 @inner_kernel
-def _turn_normals(surface, state):
-    """Add to the vertices what pulls at the normals."""
+def _add_normal_forces(surface, state):
+    """Add the forces on the vertices that are due to the normals."""
     last = state.used.size - 1
     for k in range(state.used[last]):
         g = state.used[k]
@@ -250,7 +250,7 @@ def _turn_normals(surface, state):
 
 @inner_kernel
 def _clear(surface, state, out):
-    """Forget the forces of the last tick."""
+    """Clear the forces of the last tick."""
     last = state.pressed.size - 1
     for row in range(state.pressed[last]):
         f = state.pressed[row]
@@ -274,12 +274,12 @@ def _clear(surface, state, out):
 
 @kernel
 def press_surface(solids, surface, friction, motion, state, out):
-    """Fill `state` and `out` at a place of vertices and bodies.
+    """Fill `state` and `out` at a configuration of vertices and bodies.
 
     Parameters
     ----------
     solids : Solids
-        What the surface meets.
+        The other bodies.
     surface : SurfaceArrays
     friction : float
         Coulomb's coefficient [-].
@@ -312,7 +312,7 @@ def press_surface(solids, surface, friction, motion, state, out):
                     point[i] += surface.weight[t, corner] * x[surface.faces[f, corner], i]
             if not reaches(solids, relative, point, surface.highest[f]):
                 continue
-            length = _lay(surface, state, x, f, t)
+            length = _fill_ray(surface, state, x, f, t)
             depth, hit, face = deepest(solids, relative, taxels, t, best_x, best_d)
             if hit < 0:
                 continue
@@ -322,7 +322,7 @@ def press_surface(solids, surface, friction, motion, state, out):
                 state.pressed[last] += 1
             out.pressed[count], out.compression[t] = t, depth
             count += 1
-            _lay_along(surface, state, x, f, t)
+            _fill_shear_axes(surface, state, x, f, t)
             fill_exit(solids, hit, face, (best_x, best_d), out.point[t], m)
             body = solids.geometry.body[hit]
             _slip(surface, motion, f, t, body, out.point[t], slip)
@@ -335,5 +335,5 @@ def press_surface(solids, surface, friction, motion, state, out):
             springs = (slope * area, drag, slope / pressure)
             _add_blocks(surface, state, row, t, m, slip, springs)
     out.pressed[out.pressed.size - 1] = count
-    _turn_normals(surface, state)
+    _add_normal_forces(surface, state)
     complete_sums(out)

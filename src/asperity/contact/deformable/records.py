@@ -1,4 +1,4 @@
-"""What kernels of deformable surfaces take: the surface at rest, its state, and how all moves."""
+"""Arguments of the kernels of deformable surfaces: the surface at rest, its state, the motion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class SurfaceArrays(NamedTuple):
     members: Indices
     """Corners, 3 * triangle + 0, 1 or 2, in the order of their normals, (3 m,)."""
     first_member: Indices
-    """Where those of each normal begin, (g + 1,)."""
+    """First member of each normal, (g + 1,)."""
     tilt: Array
     """Coefficients a, b [1/m] and c [-] of each corner's normal, (m, 3, 3)."""
     area: Array
@@ -28,7 +28,7 @@ class SurfaceArrays(NamedTuple):
     highest: Array
     """Largest distance of a ray's ends from the smooth triangle [m], (m,)."""
     first: Indices
-    """Where the taxels of each triangle begin, (m + 1,)."""
+    """First taxel of each triangle, (m + 1,)."""
     weight: Array
     """Barycentric coordinates of the taxels, (n, 3)."""
     height: Array
@@ -37,47 +37,47 @@ class SurfaceArrays(NamedTuple):
 
 @by_reference
 class SurfaceState(NamedTuple):
-    """What is computed of a surface at one place of its vertices."""
+    """State of a surface at one configuration of its vertices."""
 
     taxels: TaxelArrays
-    """Places and rays, world axes; of triangles near a body alone."""
+    """Points and rays, world axes; valid for triangles near a body."""
     normal: Array
     """Of each triangle, (m, 3)."""
     hat: Array
     """Gradients of the barycentric coordinates [1/m], (m, 3, 3)."""
     known: Indices
-    """Tick at which a triangle was computed last, (m,)."""
+    """Tick at which a triangle was last computed, (m,)."""
     blend: Array
     """The shared normals, (g, 3)."""
     length: Array
-    """Of the sums that they were made of, (g,)."""
+    """Of their sums before normalisation, (g,)."""
     blended: Indices
-    """Tick at which a shared normal was computed last, (g,)."""
+    """Tick at which a shared normal was last computed, (g,)."""
     pull: Array
-    """-dU over the shared normals [N m], (g, 3)."""
+    """-dU by the shared normals [N m], (g, 3)."""
     used: Indices
-    """Numbers of the normals that were computed, and as the last entry how many, (g + 1,)."""
+    """Numbers of the computed normals; the last entry is their count, (g + 1,)."""
     pressed: Indices
-    """Numbers of the triangles with a taxel in contact; the last entry: how many; (m + 1,)."""
+    """Numbers of the triangles with a taxel in contact; the last entry is their count, (m + 1,)."""
     stiffness: Array
     """Minus the derivative of the forces on the vertices of each triangle of `pressed` by their
-    places [N/m], (m, 9, 9); without that of the normals, of N, and of friction."""
+    positions [N/m], (m, 9, 9); without changes of the normals, of N, and of friction."""
     growing: Array
-    """That of the friction that grows with the pressure [N/m], (m, 9, 9)."""
+    """The same of friction, through the pressure [N/m], (m, 9, 9)."""
     damping: Array
-    """Friction over the slip velocities [N s/m], (m, 9, 9)."""
+    """Friction over the slip velocities (secant) [N s/m], (m, 9, 9)."""
     slipping: Array
-    """By how much less it grows with the slip velocities [N s/m], (m, 9, 9)."""
+    """Secant minus tangent of friction over the slip velocities [N s/m], (m, 9, 9)."""
     force: Array
     """On each vertex: -dU/dx and friction [N], (v, 3)."""
     wrench: Array
     """On each body: force [N], torque about its centre [N m], (bodies, 6)."""
     tick: Indices
-    """Number of the tick, and of a triangle that has collapsed, or -1; (2,)."""
+    """Number of the tick, and of a collapsed triangle, or -1; (2,)."""
 
 
 class SurfaceMotion(NamedTuple):
-    """Where vertices and bodies are and how they move, world axes."""
+    """Positions and velocities of vertices and bodies, world axes."""
 
     vertices: Array
     """[m], (v, 3)"""

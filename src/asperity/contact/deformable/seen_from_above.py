@@ -1,7 +1,7 @@
-"""Pressure and shear of a deformable surface on a grid, as they are seen along z from above.
+"""Pressure and shear of a deformable surface on a grid, projected along z.
 
-A cell has the mean over places that are spread evenly over it, so that the sum over all cells is
-that over the taxels, but for the cells' size.
+A cell has the mean over evenly spaced samples, so that the sum over all cells equals that over the
+taxels up to the size of the cells.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from asperity.contact.deformable.surface import DeformableSurface
 from asperity.contact.deformable.surface_contact import SurfaceContact
 
 _STEEPEST = 0.2
-"""Least cosine between z and a triangle that is seen, as of the taxels of a soft skin."""
+"""Smallest cosine between z and the normal of a visible triangle, as for taxels of a soft skin."""
 _MOST_CELLS = 256
-"""Along one side of the grid."""
+"""Maximum number of cells along one side of the grid."""
 _SAMPLES = 4
-"""Places along each side of a cell, whose mean it has."""
+"""Samples along each side of a cell."""
 
 
 class TaxelGrid:
-    """The taxels that are seen from above in each cell of a grid, where the surface is at rest.
+    """The taxels visible from above in each cell of a grid, for the surface at rest.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class TaxelGrid:
     extent : (4,) of float
         Ends of the grid along columns, and along rows [m]: first, last, first, last.
     taxel : (rows, columns, 4, 4) array of int
-        Number of the taxel at places spread evenly over the cell; -1 where there is none.
+        Number of the taxel at each sample of the cell; -1 if there is none.
     """
 
     def __init__(self, surface: DeformableSurface) -> None:
@@ -64,7 +64,7 @@ class TaxelGrid:
 
 
 class SeenFromAbove:
-    """The fields of a contact on a grid, as those of `SkinContact`.
+    """The fields of a contact on a grid, with the interface of `SkinContact`.
 
     Parameters
     ----------
@@ -78,20 +78,20 @@ class SeenFromAbove:
     @property
     def pressure(self) -> Array:
         """Pressure along each taxel's ray [Pa], (rows, columns)."""
-        return self._spread(self._contact.out.traction[:, 0])
+        return self._to_grid(self._contact.out.traction[:, 0])
 
     @property
     def shear(self) -> Array:
-        """Traction across each taxel's ray, along x and y [Pa], (rows, columns, 2)."""
+        """Traction normal to each taxel's ray, along x and y [Pa], (rows, columns, 2)."""
         along = self._contact.state.taxels.along[:, :, :2]
-        return self._spread(np.einsum("nk,nki->ni", self._contact.out.traction[:, 1:], along))
+        return self._to_grid(np.einsum("nk,nki->ni", self._contact.out.traction[:, 1:], along))
 
     @property
     def contact_area(self) -> float:
-        """Area of the taxels that are pressed [m^2]."""
+        """Area of the taxels in contact [m^2]."""
         return self._contact.contact_area
 
-    def _spread(self, values: Array) -> Array:
+    def _to_grid(self, values: Array) -> Array:
         found = values[self._grid.taxel]
         found[self._grid.taxel < 0] = 0.0
         return np.asarray(found.mean(axis=(2, 3)))

@@ -1,4 +1,4 @@
-"""A textured surface whose vertices move: an elastic layer on a mesh, divided into taxels."""
+"""A textured surface with moving vertices: an elastic layer on a mesh, divided into taxels."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _SAME_NORMAL = 1e-6
 class DeformableSurface:
     """An elastic layer on a textured mesh whose vertices may move.
 
-    Taxels lie at fixed places of the triangles, with the area and the height of the texture that
-    they have at rest: the texture is stretched with the surface, and keeps its height. A taxel's
-    ray goes from the textured surface into the body, along the mean of the normals at the corners
-    of its triangle. Hard edges of the mesh stay hard.
+    Taxels have fixed barycentric coordinates in the triangles, and the area and texture height of
+    the state at rest: the texture is stretched with the surface, and keeps its height. A taxel's
+    ray goes from the textured surface into the body, along the interpolated normal of its triangle.
+    Hard edges of the mesh stay hard.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class DeformableSurface:
         return np.ascontiguousarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
     def corner_normals(self, vertices: Array) -> Array:
-        """Return the unit normals at the corners of the triangles (m, 3, 3), for places (v, 3)."""
+        """Return the unit normals at the corners of the triangles (m, 3, 3) for vertices (v, 3)."""
         arrays = self.arrays
         corners = vertices[arrays.faces]
         across = crosses(corners)
@@ -130,7 +130,7 @@ class DeformableSurface:
 
     @cached_property
     def arrays(self) -> SurfaceArrays:
-        """The surface at rest, as kernels take it."""
+        """The surface at rest, for kernels."""
         mesh, corners = self.mesh, self.mesh.vertices[self.mesh.faces]
         area, sides = self._area, self._sides
         counts = sides.astype(np.int64) ** 2
@@ -149,12 +149,12 @@ class DeformableSurface:
         starts = np.searchsorted(shared.ravel()[members], np.arange(shared.max() + 2))
         faces = np.array(mesh.faces, dtype=np.int64)
         return SurfaceArrays(
-            faces, shared, members, starts, _tilt(corners, self.normals, mesh.normals), area,
+            faces, shared, members, starts, _components(corners, self.normals, mesh.normals), area,
             highest, first, weight, height,
         )  # fmt: skip
 
     def taxels(self) -> TaxelArrays:
-        """Return new arrays of the taxels, whose places and rays are yet to be filled."""
+        """Return new arrays of the taxels; points and rays are not filled yet."""
         n, area = self.taxel_count, self.taxel_area
         return TaxelArrays(
             np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2, 3)), area,
@@ -172,7 +172,7 @@ def _centroids(side: int) -> Array:
 
 
 def _shared_normals(mesh: Mesh) -> Indices:
-    """Return numbers of the normals at the corners, one for those at one place that are alike."""
+    """Return the numbers of the normals at the corners, with equal ones at one point shared."""
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
     size = float(np.ptp(mesh.vertices, axis=0).max())
     places = same_places(corners, 1e-7 * size)
@@ -182,7 +182,7 @@ def _shared_normals(mesh: Mesh) -> Indices:
     return shared.reshape(-1, 3).astype(np.int64)
 
 
-def _tilt(corners: Array, across: Array, normals: Array) -> Array:
+def _components(corners: Array, across: Array, normals: Array) -> Array:
     """Return the normals at corners (m, 3, 3) in terms of two edges and the triangle's normal."""
     axes = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], across], axis=2)
     return np.ascontiguousarray(np.linalg.solve(axes[:, None], normals[..., None])[..., 0])

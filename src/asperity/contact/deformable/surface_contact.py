@@ -1,4 +1,4 @@
-"""Contact of a deformable textured surface: forces on its vertices, and on what it meets."""
+"""Contact of a deformable textured surface: forces on its vertices and on the other bodies."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ _IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 class SurfaceContact:
-    """A deformable surface among rigid bodies.
+    """Contact of a deformable surface with rigid bodies.
 
-    The energy is `U = sum a w(delta)` over the taxels, as that of `SkinContact`, of the places of
-    all vertices and the poses of all bodies. `forces` are minus its gradient with respect to the
+    The energy is `U = sum a w(delta)` over the taxels, as that of `SkinContact`, a function of all
+    vertices and of the poses of all bodies. `forces` are minus its gradient with respect to the
     vertices, `wrenches` with respect to the bodies; both with friction, if there is any.
 
     Parameters
     ----------
     surface : DeformableSurface
     bodies : sequence of Body
-        What it meets, textured or smooth; meshes have to be closed.
+        The other bodies, textured or smooth; meshes have to be closed.
     centres : (bodies, 3), optional
-        Points about which torques on the bodies are, in their frames [m]; by default their origins.
+        Reference points of torques on the bodies, in their frames [m]; by default their origins.
     leap : float, optional
-        Largest way of a vertex between two ticks [m]; a longer one is refused. By default there is
-        no limit.
+        Largest displacement of a vertex between two ticks [m]; a larger one is refused. By default
+        there is no limit.
 
     Raises
     ------
@@ -94,7 +94,7 @@ class SurfaceContact:
         velocities: ArrayLike | None = None,
         twists: ArrayLike | None = None,
     ) -> None:
-        """Compute the contact at places of the vertices and poses of the bodies.
+        """Compute the contact at positions of the vertices and poses of the bodies.
 
         Parameters
         ----------
@@ -110,8 +110,9 @@ class SurfaceContact:
         Raises
         ------
         AsperityError
-            An array has another shape or is not finite; a vertex leaps; a triangle has shrunk to
-            less than 1e-4 of its area at rest. Then there is no force, until the next call.
+            An array has another shape or is not finite; a vertex moves by more than `leap`; a
+            triangle has less than 1e-4 of its area at rest. Then there is no force until the next
+            call.
         """
         motion = self._motion
         try:
@@ -146,7 +147,7 @@ class SurfaceContact:
             )
 
     def place(self, poses: Sequence[Array]) -> None:
-        """Put the bodies at poses (bodies, 7), which are not checked, at rest."""
+        """Move the bodies to poses (bodies, 7), which are not checked, with zero twists."""
         motion = self._motion
         motion.twists[:] = 0.0
         turns = fill_frames(self._solids, poses)
@@ -156,7 +157,7 @@ class SurfaceContact:
             centre[:] = pose[:3] + turn @ own
 
     def press_at(self, vertices: Array, velocities: Array) -> None:
-        """Compute the contact at places of the vertices, which are not checked; see `press`.
+        """Compute the contact at positions of the vertices, which are not checked; see `press`.
 
         Raises
         ------
@@ -180,7 +181,7 @@ class SurfaceContact:
             )
 
     def clear(self) -> None:
-        """Leave no contact and no force, until the next places."""
+        """Clear contact and forces until the next call."""
         self.state.wrench[:] = 0.0
         state = self.state
         for blocks in (state.stiffness, state.growing, state.damping, state.slipping):
@@ -195,7 +196,7 @@ class SurfaceContact:
 
     @property
     def centres(self) -> Array:
-        """Where the centres of the bodies are [m], (bodies, 3)."""
+        """Positions of the bodies' centres [m], (bodies, 3)."""
         return self._motion.centres
 
     @property
@@ -205,7 +206,7 @@ class SurfaceContact:
 
     @property
     def energy(self) -> float:
-        """U of the last places [J]."""
+        """U of the last configuration [J]."""
         return float(self.out.energy[0])
 
     @property
@@ -214,7 +215,7 @@ class SurfaceContact:
         return self.state.force.copy()
 
     @property
-    def _pressed(self) -> Indices:
+    def _pressed_vertices(self) -> Indices:
         return self.out.pressed[: self.out.pressed[-1]]
 
     @property
@@ -224,7 +225,7 @@ class SurfaceContact:
 
     @property
     def compression(self) -> Array:
-        """How far each taxel is pressed in [m], (n,)."""
+        """Compression of each taxel [m], (n,)."""
         return self.out.compression.copy()
 
     @property
@@ -234,21 +235,21 @@ class SurfaceContact:
 
     @property
     def shear(self) -> Array:
-        """Traction across each taxel's ray [Pa], (n, 2).
+        """Traction normal to each taxel's ray [Pa], (n, 2).
 
-        Along the first edge of its triangle, and across that.
+        Along the first edge of its triangle, and perpendicular to that.
         """
         return self.out.traction[:, 1:].copy()
 
     @property
     def contact_area(self) -> float:
-        """Area at rest of the taxels that are pressed [m^2]."""
-        return float(self.surface.taxel_area[self._pressed].sum())
+        """Area at rest of the taxels in contact [m^2]."""
+        return float(self.surface.taxel_area[self._pressed_vertices].sum())
 
     def stiffness(self) -> Array:
-        """Return the stiffness (6, 6) felt by the first body where vertices are held.
+        """Return the stiffness (6, 6) on the first body with all vertices held.
 
-        About its centre, world axes [N/m, N/rad; N, N m/rad], as Gauss and Newton take it.
+        About its centre, world axes [N/m, N/rad; N, N m/rad], in the Gauss-Newton approximation.
         """
         return self.out.stiffness.copy()
 

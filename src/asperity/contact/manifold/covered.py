@@ -49,7 +49,7 @@ def covered_faces(
                 corners = axes[g] @ _corners(geometry, g, axis, 2 * side - 1).T
                 for h in np.flatnonzero(near):
                     local = axes[h].T @ (corners + (centres[g] - centres[h])[:, None])
-                    if _inside(geometry.kind[h], geometry.size[h], local).all():
+                    if _is_inside(geometry.kind[h], geometry.size[h], local).all():
                         covered[g] |= 1 << (2 * axis + side)
     return covered
 
@@ -86,7 +86,7 @@ def _corners(geometry: Geometry, g: int, axis: int, sign: int) -> NDArray[np.flo
     return rows
 
 
-def _inside(kind: int, size: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _is_inside(kind: int, size: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which points (3, n), given in a geom's frame, lie within it."""
     name = KINDS[kind]
     inside: NDArray[np.bool_] = np.zeros(p.shape[1], bool)

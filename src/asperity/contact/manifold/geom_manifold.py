@@ -50,7 +50,7 @@ def collect_pairs(scene, candidates, memory):
 
 
 @inner_kernel
-def _relief(textures, geometry, pair):
+def _bound_heights(textures, geometry, pair):
     """Return an upper bound on the sum of |height| of a pair's textures [m]."""
     total = 0.0
     for g in (pair.geom_a, pair.geom_b):
@@ -61,7 +61,7 @@ def _relief(textures, geometry, pair):
 
 
 @inner_kernel
-def _steepness(textures, geometry, pair):
+def _bound_slopes(textures, geometry, pair):
     """Return an upper bound on the sum of the slopes of a pair's textures [-]."""
     steep = 0.0
     for g in (pair.geom_a, pair.geom_b):
@@ -128,7 +128,7 @@ def find_parts(textures, geometry, frames, centre, parameters, memory):
             fill_geom_frame(geometry, g, frames[geometry.body[g]], frame[k])
             for j in range(3):
                 frame[k, j, 3] -= centre[j]
-        rough = _relief(textures, geometry, pair)
+        rough = _bound_heights(textures, geometry, pair)
         rows = memory.separations[used:]
         if rows.size < 2:
             memory.state[0].dropped += 1
@@ -139,7 +139,7 @@ def find_parts(textures, geometry, frames, centre, parameters, memory):
         stiffness = pair_stiffness(low_a, low_b, parameters.stiffness)
         # Scaled by stiffness maps, a farther way out may be as short as a nearer one.
         wide = math.sqrt(pair_stiffness(high_a, high_b, parameters.stiffness) / stiffness)
-        aligned = aligned_on(_steepness(textures, geometry, pair))
+        aligned = aligned_on(_bound_slopes(textures, geometry, pair))
         count = fill_separations(geometry, pair, frame, (rough, aligned), wide, rows)
         friction = pair_friction(
             geometry.friction[one], geometry.friction[two], parameters.friction

@@ -15,7 +15,7 @@ from asperity.contact.broad_phase.facet_bvh import FacetTable
 from asperity.geometry.frames import to_body, to_world
 
 _LEAST = 1e-9
-"""Least cosine between ray and facet normal, and least distance from the ray's start [m]."""
+"""Smallest cosine between ray and facet normal, and least distance from the ray's start [m]."""
 _TOWARDS_MIDDLE = 0.0137
 """Fraction by which a tested corner is moved towards the middle of its piece, off any edge."""
 _MAX_CROSSINGS = 32

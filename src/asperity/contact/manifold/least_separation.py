@@ -40,7 +40,7 @@ _MAX_STEPS = 60
 
 @inner_kernel
 def _fill_core(size, kind, out):
-    """Fill the half sides (3,) of a geom's core: its box, each less the least one."""
+    """Fill the half sides (3,) of a geom's core: those of its box, minus the smallest."""
     out[0] = out[1] = size[0]
     out[2] = size[0]
     if kind == CYLINDER:

@@ -16,7 +16,7 @@ from asperity._core.kernels import inner_kernel
 from asperity._core.stack import stack_array
 
 _LEAST_COSINE = math.cos(math.radians(20.0))
-"""Least cosine to the mean of a facet normal that counts as near it."""
+"""Smallest cosine to the mean of a facet normal that counts as near it."""
 
 
 class _Near(NamedTuple):

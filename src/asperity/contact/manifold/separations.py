@@ -133,7 +133,7 @@ def _blend_out_covered(geometry, g, axes, outwards, found):
 
 
 @inner_kernel
-def _leaves_by_covered(rows, count, i):
+def _leads_through_covered(rows, count, i):
     """Return whether direction `i` leads out through a covered face."""
     for j in range(count):
         if rows[j].kind != COVERED:
@@ -158,7 +158,7 @@ def _mark_open(geometry, pair, frames, rows, first, past, faces):
         if found.kind > FACE_A and geometry.covered[pair.geom_a] != 0:
             _blend_out_covered(geometry, pair.geom_a, frames[0], -1.0, found)
         is_hidden = found.kind == COVERED or found.share == 0.0
-        found.part = 0 if is_hidden or _leaves_by_covered(rows, faces, i) else 1
+        found.part = 0 if is_hidden or _leads_through_covered(rows, faces, i) else 1
         if found.part == 1:
             least = min(least, found.gap)
     return least
@@ -204,7 +204,7 @@ def _is_beside_least(rows, i, least, rough, aligned):
 
 @inner_kernel
 def _reach_over_edges(geometry, found, frames, rough):
-    """Return how far to extend the face of a direction beyond its edges, for bumps there [m].
+    """Return the distance by which to extend a face beyond its edges, for bumps there [m].
 
     It is 0 where the other geom is within all edges that are not covered.
     """

@@ -42,7 +42,7 @@ def _fill_moments(sums, mean_out, covariance_out):
 
 
 @inner_kernel
-def _on_axes(u, v, place):
+def _project_on_axes(u, v, place):
     """Return the coordinates of a place (3,) along two axes."""
     return (
         u[0] * place[0] + u[1] * place[1] + u[2] * place[2],
@@ -97,7 +97,7 @@ def split_lines(sums, u, v, radius, lines_out):
     mean, covariance = stack_array((3,)), stack_array((6,))
     _fill_moments(sums, mean, covariance)
     uu, uv, vv = _along_axes(covariance, u, v)
-    mu, mv = _on_axes(u, v, mean)
+    mu, mv = _project_on_axes(u, v, mean)
     first = second = False
     for k in range(2):
         l_u, l_v = _inverse_root(uu, uv, vv, k)
@@ -139,7 +139,7 @@ def _offset(covariance, n, k, away):
     frame_round(unit, axes)
     u, v = axes[0], axes[1]
     uu, uv, vv = _along_axes(covariance, u, v)
-    on_u, on_v = _on_axes(u, v, away)
+    on_u, on_v = _project_on_axes(u, v, away)
     return _offset_of(uu, uv, vv, k, on_u, on_v)
 
 
@@ -184,7 +184,7 @@ def add_line_rates(sums, k, place, rate, direction):
     frame_round(n, axes)
     u, v = axes[0], axes[1]
     uu, uv, vv = _along_axes(covariance, u, v)
-    on_u, on_v = _on_axes(u, v, away)
+    on_u, on_v = _project_on_axes(u, v, away)
     by_uu, by_uv, by_vv = _covariance_rates(uu, uv, vv, k, on_u, on_v)
     l_u, l_v = _inverse_root(uu, uv, vv, k)
     size, at = math.sqrt(l_u * l_u + l_v * l_v), 0

@@ -46,11 +46,11 @@ from asperity.contact.narrow_phase.plane_boxes import beyond_straight_borders
 _LAST, _LAST_CUT = 16, 2
 """Number of ascents from open boxes once the node budget, or the time, is spent."""
 _LEAF = 2.0
-"""Size at which boxes are evaluated with second-order bounds [grains of the finer texture]."""
+"""Size of boxes evaluated with second-order bounds [length scales of the finer texture]."""
 _FINE = 2.0
-"""Size at which boxes of a rough and a smooth plane get a second-order bound [grains]."""
+"""Size at which boxes of a rough and a smooth plane get a second-order bound [length scales]."""
 _RESOLVED = 1.5
-"""Size below which certified boxes are not divided [grains]."""
+"""Size below which certified boxes are not divided [length scales]."""
 _CHEAP = 0.1
 """Cost of a bound by the pyramids alone [nodes]."""
 _INITIAL = 2.0
@@ -58,8 +58,8 @@ _INITIAL = 2.0
 
 
 @small_kernel
-def _grain(textures, patch):
-    """Return the square root of a texture's height over its curvature, in patch parameters [m].
+def _length_scale(textures, patch):
+    """Return a texture's length scale in patch parameters [m]: sqrt(height / curvature).
 
     For a sinusoid this is its wavelength over 2 pi.
     """
@@ -73,7 +73,7 @@ def _grain(textures, patch):
 
 
 @small_kernel
-def _beyond_added(textures, a, b, box, added):
+def _is_beyond_added(textures, a, b, box, added):
     """Return whether a box is beyond one of the last `added` borders of B's patch."""
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
@@ -150,7 +150,7 @@ def _fill_heap(textures, stride, count, memory, queue, added):
         a = memory.patches_a[candidate.number // stride]
         b = memory.patches_b[candidate.number % stride]
         are_planes, box = a.bulge == 0.0 and b.bulge == 0.0, _box_of(node, candidate)
-        if are_planes and _beyond_added(textures, a, b, box, added):
+        if are_planes and _is_beyond_added(textures, a, b, box, added):
             continue
         push(queue.heap, queue.keys, size, number, node.bound)
         size += 1
@@ -165,11 +165,11 @@ def _set_node(node, box, bound, row):
 
 
 @small_kernel
-def _divide(textures, planes, pair, node, row, grains, search, queue):
+def _bound_quarters(textures, planes, pair, node, row, relative_size, search, queue):
     """Bound the quarters of a node of two planes, and store them after the nodes in use.
 
     Returns the number of the best quarter, or -1, and its bound. Pruned quarters are marked.
-    `grains` is the node's size over the grain of the texture.
+    `relative_size` is the node's size over the texture's length scale.
     """
     nodes, used = queue.nodes, queue.state[0].used
     x0, x1, y0, y1, above = node
@@ -177,8 +177,8 @@ def _divide(textures, planes, pair, node, row, grains, search, queue):
     best, highest = np.int64(-1), -np.inf
     cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
     mx, my = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    is_leaf = grains <= _LEAF
-    is_fine = grains <= _FINE and pair.patch.texture >= 0 and pair.other.texture < 0
+    is_leaf = relative_size <= _LEAF
+    is_fine = relative_size <= _FINE and pair.patch.texture >= 0 and pair.other.texture < 0
     if not is_fine:
         quarter_bounds(
             textures, pair.patch, pair.other, planes, (x0, x1, y0, y1), pruning_threshold(search),
@@ -276,11 +276,11 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
             patch, other, pair_number, np.int64(PLANES), candidate.base_x, candidate.base_y,
             pair_shift(textures, patch, other), sides_of(patch),
         )  # fmt: skip
-        grain = _grain(textures, other) * other.lateral_min / patch.lateral_max
-        grain = min(_grain(textures, patch), grain)
+        length_scale = _length_scale(textures, other) * other.lateral_min / patch.lateral_max
+        length_scale = min(_length_scale(textures, patch), length_scale)
         x0, x1, y0, y1 = _box_of(nodes[number], candidate)
-        resolved = _RESOLVED * grain
-        if patch.stiffness_map >= 0 and grain == np.inf:
+        resolved = _RESOLVED * length_scale
+        if patch.stiffness_map >= 0 and length_scale == np.inf:
             # Where a stiffness map is constant, the middle of that part represents it.
             sides = candidate.box
             resolved = FINEST_TIE * max(sides[1] - sides[0], sides[3] - sides[2])
@@ -301,14 +301,14 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
                 if added == 0:
                     retired = _retire(queue, retired, number)
                 break
-            grains, first = large / grain, used
+            relative_size, first = large / length_scale, used
             queue.state[0].used = used
-            best, highest = _divide(
-                textures, planes, pair, (x0, x1, y0, y1, above), row, grains, search, queue
+            best, highest = _bound_quarters(
+                textures, planes, pair, (x0, x1, y0, y1, above), row, relative_size, search, queue
             )
             used = queue.state[0].used
             # Dive into the best quarter until it is small: an incumbent found there prunes others.
-            dives = highest > pruning_threshold(search) and grains > _LEAF
+            dives = highest > pruning_threshold(search) and relative_size > _LEAF
             for k in range(first, used):
                 node = nodes[k]
                 if node.is_pruned:

@@ -23,7 +23,7 @@ from asperity.contact.narrow_phase.geom_depth import fill_facing_patches
 
 
 @inner_kernel
-def _within(patch, x, y):
+def _is_within(patch, x, y):
     """Return whether (x, y) is within a patch."""
     if x < patch.rectangle[0] or x > patch.rectangle[1]:
         return False
@@ -39,12 +39,12 @@ def _within(patch, x, y):
 
 
 @inner_kernel
-def _highest(textures, patches, count, u, v, point):
+def _highest_patch(textures, patches, count, u, v, point):
     """Return the height over (u, v) of the highest of some patches, and its slopes."""
     best, best_u, best_v = -np.inf, 0.0, 0.0
     for i in range(count):
         z, g1, g2, _, _, _, x, y = height_at(textures, patches[i], u, v, point)
-        if z > best and _within(patches[i], x, y):
+        if z > best and _is_within(patches[i], x, y):
             best, best_u, best_v = z, g1, g2
     return best, best_u, best_v
 
@@ -87,10 +87,10 @@ def grid_depth(textures, geometry, query, grid, memory, result_out):
         for j in range(grid.samples):
             u = cu + (i + 0.5) * pitch - 0.5 * window
             v = cv + (j + 0.5) * pitch - 0.5 * window
-            a, a_u, a_v = _highest(textures, memory.patches_a, made_a, u, v, point)
+            a, a_u, a_v = _highest_patch(textures, memory.patches_a, made_a, u, v, point)
             if a == -np.inf:
                 continue
-            b, b_u, b_v = _highest(textures, memory.patches_b, made_b, u, v, point)
+            b, b_u, b_v = _highest_patch(textures, memory.patches_b, made_b, u, v, point)
             d = a + b
             if d == -np.inf:
                 continue

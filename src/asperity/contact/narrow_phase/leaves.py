@@ -16,7 +16,7 @@ _RIDGE = 1e-6
 _ACTIVE = 1e-9
 """Distance of a point from a limit below which the limit is active [m]."""
 _CORNER = 1e-3
-"""Least sine between two active limits, and least multiplier of each, at a corner."""
+"""Smallest sine between two active limits, and least multiplier of each, at a corner."""
 
 
 @inner_kernel
@@ -35,7 +35,7 @@ def _is_isolated(patch, other, tie, limits):
             det = one.g_x * two.g_y - one.g_y * two.g_x
             if two.g <= -_ACTIVE or abs(det) < _CORNER:
                 continue
-            # The slope is a positive sum of both normals: the overlap falls along either side.
+            # The gradient is a positive combination of both normals: the overlap falls along both.
             by_one = (tie.f_x * two.g_y - tie.f_y * two.g_x) / det
             by_two = (one.g_x * tie.f_y - one.g_y * tie.f_x) / det
             if by_one > _CORNER and by_two > _CORNER:

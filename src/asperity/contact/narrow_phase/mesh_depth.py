@@ -114,7 +114,7 @@ def _begin_search(search, max_nodes, culled, ceiling):
 
 
 @inner_kernel
-def _single_deepest(memory, stride, lines):
+def _find_single_deepest(memory, stride, lines):
     """Return whether a single point is deepest, and its distances from the lines [m].
 
     Ties of facets that share a corner or an edge may be at one point.
@@ -238,7 +238,7 @@ def region_depths(model, region, query, limits, memory, space, first):
     if number == 1 or results_out[0].depth == -math.inf or results_out[0].depth > ceiling:
         search.load = 0.0
         return 1, has_room
-    single, at_1, at_2 = _single_deepest(memory, stride, lines)
+    single, at_1, at_2 = _find_single_deepest(memory, stride, lines)
     for p in range(number - 1, -1, -1):
         side_1, side_2 = sides[p, 0], sides[p, 1]
         if single and side_1 * at_1 >= -region.radius and side_2 * at_2 >= -region.radius:

@@ -49,7 +49,7 @@ class CandidateFilter(NamedTuple):
     place: NDArray[np.float64]
     """Points (u, v) [m], (n, 2)."""
     places: int
-    """Number of points of which a pair has to cover one; 0: no condition."""
+    """Number of points, at least one of which a pair must cover; 0: no condition."""
 
 
 class _View(NamedTuple):
@@ -199,20 +199,20 @@ def _raise_by_texture(textures, table, texture, f, n, slot):
     if texture < 0:
         return
     w, half, axes = table.w[f], table.half[f], table.axes[f]
-    along = lean = 0.0
+    along = lateral = 0.0
     least = -half[0] * abs(w[3] * n[0] + w[4] * n[1] + w[5] * n[2])
     least -= half[1] * abs(w[6] * n[0] + w[7] * n[1] + w[8] * n[2])
     for k in range(3):
         least += w[k] * n[k]
         along += axes[2, k] * n[k]
-        lean += abs(w[k] - axes[2, k])
+        lateral += abs(w[k] - axes[2, k])
     # Seen from behind, valleys are raised.
     slot.top += max(table.top[f], 0.0) if least >= 0.0 else np.inf
     if table.unit[f] == 1.0:
-        lean = min(lean + math.sqrt(max(1.0 - along * along, 0.0)), 1.0)
+        lateral = min(lateral + math.sqrt(max(1.0 - along * along, 0.0)), 1.0)
     else:
-        lean = 1.0
-    slot.shift = textures.maps[texture].max_abs_surface * lean
+        lateral = 1.0
+    slot.shift = textures.maps[texture].max_abs_surface * lateral
 
 
 @small_kernel

@@ -152,7 +152,7 @@ def _set_limit(limit, values, is_other, at):
 
 
 @small_kernel
-def _own_limits(patch, x, y, is_other, at, limits_out, count):
+def _add_patch_limits(patch, x, y, is_other, at, limits_out, count):
     """Add the ellipse and the borders of one patch; return the new number of limits."""
     owner = 2 if is_other else 1
     if patch.bulge > 0.0:
@@ -186,7 +186,7 @@ def _own_limits(patch, x, y, is_other, at, limits_out, count):
 @inner_kernel
 def limits_at(patch, other, at, limits_out):
     """Fill the `LIMIT`s of two patches at a point of `overlap_at`; return their number."""
-    count = _own_limits(patch, at.x, at.y, False, at, limits_out, np.int64(0))
+    count = _add_patch_limits(patch, at.x, at.y, False, at, limits_out, np.int64(0))
     x, y = at.other_x, at.other_y
     if other.bulge == 0.0:
         owner = 2 if other.rectangle_is_edge else 0
@@ -199,4 +199,4 @@ def limits_at(patch, other, at, limits_out):
             _set_limit(limit, (g, g_a, g_b, 0.0, 0.0, 0.0), True, at)
             limit.owner, limit.is_concave = owner, False
             count += 1
-    return _own_limits(other, x, y, True, at, limits_out, count)
+    return _add_patch_limits(other, x, y, True, at, limits_out, count)

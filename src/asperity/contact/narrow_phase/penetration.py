@@ -66,10 +66,10 @@ def _is_same_point(one, other):
 
 
 @inner_kernel
-def _counts(search, t):
-    """Return whether a tie is as deep as the incumbent and the first of those at its point.
+def _is_counted(search, t):
+    """Return whether a tie is as deep as the incumbent and the first such tie at its point.
 
-    Adjacent patches share their edge; of ties at one point the deepest counts, of equals the first.
+    Adjacent patches share their edge; of ties at one point the first of the deepest counts.
     """
     tie = search.ties[t]
     if tie.f < search.incumbent - TIE:
@@ -99,9 +99,9 @@ def _certain_slope_normal(textures, stride, t, memory, m_out, scratch):
         if i == t or not is_deep or not _is_same_point(other, tie):
             continue
         is_other_certain, _ = slope_normal_of_tie(textures, stride, other, memory, scratch)
-        lean = m_out[0] * m_out[0] + m_out[1] * m_out[1]
-        leans_less = scratch[0] * scratch[0] + scratch[1] * scratch[1] < lean
-        if is_other_certain and (leans_less or not is_certain):
+        inclination = m_out[0] * m_out[0] + m_out[1] * m_out[1]
+        is_less_inclined = scratch[0] * scratch[0] + scratch[1] * scratch[1] < inclination
+        if is_other_certain and (is_less_inclined or not is_certain):
             is_certain = True
             for k in range(3):
                 m_out[k] = scratch[k]
@@ -130,14 +130,14 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
     result_out.status = CERTIFIED if gap <= tolerance else BUDGET_SPENT
     area = 0.0
     for t in range(search.tie_count):
-        if _counts(search, t):
+        if _is_counted(search, t):
             area += search.ties[t].weight
     result_out.area = area
     m, p, q = stack_array((3,)), stack_array((3,)), stack_array((3,))
     total = friction = number = 0.0
     has_map = False
     for t in range(search.tie_count):
-        if not _counts(search, t):
+        if not _is_counted(search, t):
             continue
         tie = search.ties[t]
         # If an area or a line is equally deep, single points have no weight.

@@ -58,7 +58,7 @@ def _edge_of_rectangle(patch, x, y):
 
 
 @small_kernel
-def _outwards(edge, u, v):
+def _outward_normal(edge, u, v):
     """Return the unit normal of an edge in (u, v), on the side of the vector (u, v)."""
     size = math.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
     if edge[1] * u - edge[0] * v < 0.0:
@@ -122,8 +122,8 @@ def _fill_slope_normal(textures, patch, other, is_a, at, search, out):
             out[0] = (e[1] * f[2] - e[2] * f[1]) / up
             out[1] = (e[2] * f[0] - e[0] * f[2]) / up
             return True
-        out_u, out_v = _outwards(e, across[0], across[1])
-        over_u, over_v = _outwards(f, over[0], over[1])
+        out_u, out_v = _outward_normal(e, across[0], across[1])
+        over_u, over_v = _outward_normal(f, over[0], over[1])
         fall = at.slope[0] * out_u + at.slope[1] * out_v
         other_fall = at.other_slope[0] * over_u + at.other_slope[1] * over_v
         is_certain = out_u * over_u + out_v * over_v < 0.0

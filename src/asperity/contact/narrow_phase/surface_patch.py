@@ -33,7 +33,7 @@ from asperity._core.records import clear_record
 from asperity._core.stack import stack_array
 
 FLATTEST = 0.2
-"""Least cosine between the direction of contact and a normal that faces it."""
+"""Smallest cosine between the direction of contact and a normal that faces it."""
 
 PLANAR, CYLINDRICAL, TRIPLANAR = 0, 1, 2
 """Mappings of a texture onto a body."""

@@ -15,7 +15,7 @@ _QUICK_STEPS = 2
 
 
 @small_kernel
-def _towards_maximum(at, box):
+def _newton_step(at, box):
     """Return a point of a box nearer to a concave function's maximum in it.
 
     It is one Newton step; if that leaves the box, the step along its side.
@@ -37,7 +37,7 @@ def _towards_maximum(at, box):
 
 
 @inner_kernel
-def _constrained_towards_maximum(patch, other, x, y, box, search):
+def _constrained_newton_step(patch, other, x, y, box, search):
     """Return a point of a box nearer to the maximum within the limits, and whether there is one."""
     x0, x1, y0, y1 = box
     count = limits_at(patch, other, search.at, search.limits)
@@ -47,7 +47,7 @@ def _constrained_towards_maximum(patch, other, x, y, box, search):
 
 
 @small_kernel
-def _relative(box, x, y):
+def _shift(box, x, y):
     """Return a box relative to (x, y)."""
     x0, x1, y0, y1 = box
     return x0 - x, x1 - x, y0 - y, y1 - y
@@ -77,14 +77,14 @@ def tighten_bound(textures, pair, box, found, threshold, search):
                 # A point too deep to be pruned, and the maximum, may be beyond a limit.
                 use_limits = at.f > threshold
                 if use_limits:
-                    high = at.f + rise_within(patch, other, at, _relative(box, x, y), slack, search)
+                    high = at.f + rise_within(patch, other, at, _shift(box, x, y), slack, search)
                     if high <= threshold:
                         return min(bound, high), False
-                    x, y, exists = _constrained_towards_maximum(patch, other, x, y, box, search)
+                    x, y, exists = _constrained_newton_step(patch, other, x, y, box, search)
                     if not exists:
                         break
                 else:
-                    x, y = _towards_maximum(at, box)
+                    x, y = _newton_step(at, box)
                 overlap_at(textures, patch, other, x, y, search, at)
                 if at.f == -np.inf:
                     break
@@ -93,7 +93,7 @@ def tighten_bound(textures, pair, box, found, threshold, search):
                     high = at.f + max(g_x * (x0 - x), g_x * (x1 - x))
                     high += max(g_y * (y0 - y), g_y * (y1 - y))
                 elif at.f <= threshold:
-                    high = at.f + rise_within(patch, other, at, _relative(box, x, y), slack, search)
+                    high = at.f + rise_within(patch, other, at, _shift(box, x, y), slack, search)
                 if high <= threshold:
                     return min(bound, high), False
             stride = max(x1 - x0, y1 - y0)
@@ -101,5 +101,5 @@ def tighten_bound(textures, pair, box, found, threshold, search):
             if at.f == -np.inf:
                 return bound, False
         x, y, level = at.x, at.y, at.f
-    within = level + rise_within(patch, other, at, _relative(box, x, y), slack, search)
+    within = level + rise_within(patch, other, at, _shift(box, x, y), slack, search)
     return min(bound, within), is_inside

@@ -46,7 +46,7 @@ class SubRegions(NamedTuple):
 
 
 @small_kernel
-def _extent_holds(candidate, u, v):
+def _is_in_extent(candidate, u, v):
     """Return whether (u, v) is within the extent of a candidate's planes, or at its border."""
     low_u, high_u, low_v, high_v = candidate.extent
     within_u = low_u - ON_BORDER <= u and u <= high_u + ON_BORDER
@@ -113,7 +113,7 @@ def fill_known_depths(textures, count, stride, regions, parts, lines, memory):
         is_within = False
         for p in range(parts):
             u, v = regions.point[p, 0], regions.point[p, 1]
-            if not _extent_holds(candidate, u, v):
+            if not _is_in_extent(candidate, u, v):
                 continue
             number = candidate.number
             a, b = memory.patches_a[number // stride], memory.patches_b[number % stride]

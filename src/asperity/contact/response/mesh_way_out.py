@@ -122,7 +122,7 @@ def _fill_needed(choices, rows, c):
 
 @inner_kernel
 def _domination(choices, rows, c, other):
-    """Return how far choice `c` covers all distances of another one, 0 to 1."""
+    """Return the degree to which choice `c` covers all distances of another one, 0 to 1."""
     part = 1.0
     for i in range(rows):
         need = choices.needed[other, i]
@@ -266,8 +266,8 @@ def _smooth_minimum(choices, count):
 
 
 @inner_kernel
-def _keep_near(choices, rows, count, s):
-    """Keep the choices that count at s; return their number.
+def _keep_contributing(choices, rows, count, s):
+    """Keep the choices that contribute at s; return their number.
 
     Almost equal choices, such as with and without a direction of no depth, cancel each other's
     share. Then s is the least length itself, and its gradient that of the first.
@@ -335,7 +335,7 @@ def _fill_rates(space, rows, count, s):
 
 
 @inner_kernel
-def _only_active(choices, rows):
+def _only_active_direction(choices, rows):
     """Return the only active direction of the first choice if it is a member of it; else -1."""
     only = -1
     for i in range(rows):
@@ -364,8 +364,8 @@ def fill_way_out(space):
         return 0.0
     _update(choices, rows, count)
     s = _smooth_minimum(choices, count)
-    count = _keep_near(choices, rows, count, s)
-    only = _only_active(choices, rows) if count == 1 else -1
+    count = _keep_contributing(choices, rows, count, s)
+    only = _only_active_direction(choices, rows) if count == 1 else -1
     if only >= 0:
         space.directions[choices.number[only]].rate = 1.0
         return s

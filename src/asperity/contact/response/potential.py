@@ -60,8 +60,8 @@ def _own_weight(separations, inputs, i, s):
 
 
 @inner_kernel
-def _beside(inputs, i, j):
-    """Return how far direction `j` represents `i`, by their angle and their depths, 0 to 1."""
+def _redundancy(inputs, i, j):
+    """Return how redundant direction `i` is given `j`, by their angle and depths, 0 to 1."""
     c = inputs[i, 3] * inputs[j, 3] + inputs[i, 4] * inputs[j, 4] + inputs[i, 5] * inputs[j, 5]
     deeper = (inputs[j, 0] / inputs[i, 0] - ABOUT) / (RATIO - ABOUT)
     return smooth_step((c - APART) / (ALONG - APART)) * (1.0 - smooth_step(deeper))
@@ -76,15 +76,17 @@ def _direction_weight(separations, inputs, first, i, s):
     share = _own_weight(separations, inputs, i, s)
     for j in range(first, i):
         if separations[j].kind < separations[i].kind and share > 0.0:
-            beside = _beside(inputs, i, j)
-            if beside == 0.0:
+            redundancy = _redundancy(inputs, i, j)
+            if redundancy == 0.0:
                 continue
             # Of the lower kinds, faces of A may in turn be represented by faces of B.
             other = _own_weight(separations, inputs, j, s)
             for k in range(first, j):
                 if separations[k].kind < separations[j].kind:
-                    other *= 1.0 - _beside(inputs, j, k) * _own_weight(separations, inputs, k, s)
-            share *= 1.0 - beside * other
+                    other *= 1.0 - _redundancy(inputs, j, k) * _own_weight(
+                        separations, inputs, k, s
+                    )
+            share *= 1.0 - redundancy * other
     return share
 
 
@@ -140,8 +142,8 @@ def _smooth_minimum(separations, ways, parts, count, most):
 
 
 @inner_kernel
-def _least_alone(separations, used):
-    """Return the least length of one direction [m]; only that one gets a weight."""
+def _select_shortest(separations, used):
+    """Give a weight to the direction of least length alone; return that length [m]."""
     least = 0
     for i in range(used):
         length = separations[i].scale * separations[i].depth
@@ -215,7 +217,7 @@ def fill_potential(separations, used, parts, lever, ways, rates_out):
             break
         most *= 2.0
     if not s > 0.0:
-        return _least_alone(separations, used)
+        return _select_shortest(separations, used)
     step = _STEP * s
     rise = _excess(separations, ways, parts, count, s + step)
     by_s = (rise - _excess(separations, ways, parts, count, s - step)) / (2.0 * step)

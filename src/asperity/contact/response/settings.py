@@ -38,7 +38,7 @@ _RANGES = {
     "noise_level": (0.0, 100.0, ""),
     "noise_bandwidth": (1e-3, 1e6, "Hz"),
 }
-"""Least and largest values and units: wider than any useful range, and numerically safe."""
+"""Smallest and largest values and units: wider than any useful range, and numerically safe."""
 
 
 @dataclass(frozen=True)

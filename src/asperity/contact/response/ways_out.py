@@ -143,7 +143,7 @@ def update_choice(inputs, rows, parts, shares):
 
 
 @inner_kernel
-def _product(inputs, ways, parts, c, d):
+def _inner(inputs, ways, parts, c, d):
     """Return tau . tau of two choices."""
     total = 0.0
     for p in range(parts):
@@ -162,7 +162,7 @@ def fill_alike(ways, parts, count):
     for c in range(count):
         ways.alike[c, c] = 1.0
         for d in range(c):
-            cosine = _product(ways.inputs, ways, parts, c, d) / (ways.length[c] * ways.length[d])
+            cosine = _inner(ways.inputs, ways, parts, c, d) / (ways.length[c] * ways.length[d])
             ways.alike[c, d] = ways.alike[d, c] = max(cosine, 0.0) ** 4
 
 

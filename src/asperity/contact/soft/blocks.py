@@ -1,7 +1,7 @@
-"""Blocks of neighbouring taxels: which solids they may meet, and which of them meet a flat sheet.
+"""Broad phase for blocks of neighbouring taxels.
 
-A block that meets nothing is left out at once, and one that can leave what it meets by a single
-flat sheet needs no search for that sheet (`flat_blocks`).
+A block without a near solid is skipped. If all its rays leave the only near solid by the same flat
+sheet, the sheet need not be searched for (`flat_blocks`).
 """
 
 from __future__ import annotations
@@ -15,23 +15,26 @@ from asperity._core.stack import stack_array
 from asperity.contact.soft.sheets import BOX, CURVED, PLANAR, PLANE, half_length
 
 BLOCK = 64
-"""Taxels of a block."""
+"""Number of taxels of a block."""
 RAYS = np.dtype([
     ("middle", "f8", 3), ("along", "f8", 3), ("radius", "f8"), ("height", "f8"),
     ("spread", "f8"), ("reach", "f8"),
 ])  # fmt: skip
-"""The rays of a block: `middle` of their starts, these within `radius` of it and within `height` of
-it along the unit vector `along` [m]; their directions within `spread` of that [-]; and how far a
-solid counts along them, `reach` [m]."""
+"""The rays of a block. Their starts are within `radius` of `middle`, and within `height` along the
+unit vector `along` [m]; their directions are within `spread` of `along` [-], their length is
+`reach` [m]."""
 NONE, SEVERAL = -1, -2
-"""In the place of a geom's number."""
+"""Values in place of a geom's number."""
 _STEEP = 0.05
-"""Least cosine between a lone sheet's normal and a ray."""
+"""Smallest cosine between a lone sheet's normal and a ray."""
 
 
 @small_kernel
 def _half(rays, cosine):
-    """Return how far starts are from their middle, along what has a cosine to `rays.along`."""
+    """Return a bound of the starts' distance from their middle along a direction.
+
+    `cosine` is that of its angle to `rays.along`.
+    """
     aside = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     return min(rays.radius, abs(cosine) * rays.height + aside * rays.radius)
 
@@ -57,7 +60,7 @@ def _may_meet(solids, g, x, d, rays):
 
 @inner_kernel
 def _lone_sheet(solids, g, x, d, rays):
-    """Return the flat sheet by which all rays leave a geom if they do; `CURVED` without one."""
+    """Return the only flat sheet by which rays may leave a geom; `CURVED` if there is none."""
     geometry, reach = solids.geometry, solids.reach[g]
     kind, size, surface = geometry.kind[g], geometry.size[g], geometry.surface[g]
     is_endless = kind == PLANE and size[0] <= 0.0 and size[1] <= 0.0
@@ -69,7 +72,7 @@ def _lone_sheet(solids, g, x, d, rays):
         axis, sign = face >> 1, 1.0 if face & 1 else -1.0
         gap, rate = sign * x[axis] - half_length(kind, size, axis), sign * d[axis]
         if gap + _half(rays, rate) + max((rate + rays.spread) * rays.reach, 0.0) < reach.lowest:
-            continue  # behind it from end to end
+            continue  # completely behind it
         if lone != CURVED or rate - rays.spread < _STEEP:
             return CURVED
         lone = face
@@ -77,22 +80,22 @@ def _lone_sheet(solids, g, x, d, rays):
 
 
 @inner_kernel
-def met_by(solids, relative, rays):
-    """Return which geom a block's rays may meet, and by which flat sheet alone they can leave it.
+def near_geom(solids, relative, rays):
+    """Return the geom that a block's rays may meet, and the flat sheet by which they leave it.
 
     Parameters
     ----------
     solids : Solids
     relative : (geoms, 3, 4) array
-        The frame of the rays as it is seen from each geom.
+        The frame of the rays relative to each geom.
     rays : RAYS record
 
     Returns
     -------
     geom : int
-        `NONE`, or `SEVERAL`.
+        Its number, `NONE` or `SEVERAL`.
     sheet : int
-        `CURVED` where another sheet may count.
+        Its number, `CURVED` if another sheet may count.
     """
     geom, sheet = NONE, CURVED
     x, d = stack_array((3,)), stack_array((3,))

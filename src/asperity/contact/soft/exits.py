@@ -1,10 +1,10 @@
-"""Where a ray leaves a textured solid.
+"""Exit of a ray from a textured solid.
 
-A solid is an intersection of sheets, so a ray leaves it by the first of the sheets that it leaves.
-Between the distances at which it leaves the sheet lowered and raised by the texture's largest
-heights, the last zero of `f` along the ray is found: by Newton's method within a bracket where f is
-bound to rise along the ray, and otherwise in steps from the far side over which f, by the bound of
-its slope, cannot be zero.
+A solid is an intersection of sheets, so a ray leaves it at the first exit from one of its sheets.
+The exit from a sheet is the last zero of `f` along the ray, between the exits from the sheet
+lowered and raised by the texture's largest heights. It is found by Newton's method within a bracket
+if f increases along the ray, else in steps from the far end within which f, by bounds of its slope,
+has no zero.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _CLOSE = 1e-13
 """Largest error of a zero [m]."""
 STEPS = 400
 PARALLEL = 1e-12
-"""Sine below which a ray is along a plane."""
+"""Sine below which a ray is parallel to a plane."""
 
 
 @inner_kernel
@@ -47,7 +47,7 @@ def _chord(a, b, c):
 
 @inner_kernel
 def _ball_chord(x, d, middle, radius):
-    """Return where a ray enters and leaves a ball about (0, 0, middle)."""
+    """Return where a ray enters and leaves a ball around (0, 0, middle)."""
     z = x[2] - middle
     along = x[0] * d[0] + x[1] * d[1] + z * d[2]
     return _chord(1.0, along, x[0] * x[0] + x[1] * x[1] + z * z - radius * radius)
@@ -55,7 +55,7 @@ def _ball_chord(x, d, middle, radius):
 
 @inner_kernel
 def _tube_chord(x, d, radius):
-    """Return where a ray enters and leaves an endless tube about z."""
+    """Return where a ray enters and leaves an infinite cylinder around z."""
     across = d[0] * d[0] + d[1] * d[1]
     square = x[0] * x[0] + x[1] * x[1] - radius * radius
     if across < PARALLEL:
@@ -65,9 +65,9 @@ def _tube_chord(x, d, radius):
 
 @inner_kernel
 def _curved_chord(kind, size, x, d, offset):
-    """Return where a ray enters and leaves the curved sheet, moved outwards by about `offset`.
+    """Return where a ray enters and leaves the curved sheet offset outwards by `offset`.
 
-    Of an ellipsoid it is scaled: by enough to enclose all that `offset` reaches.
+    An ellipsoid is scaled instead, to enclose its offset surface.
     """
     if kind == ELLIPSOID:
         grown = 1.0 + offset / min(size[0], size[1], size[2])
@@ -97,10 +97,10 @@ def _curved_chord(kind, size, x, d, offset):
 
 @small_kernel
 def advance(s, value, rate, low, high, search):
-    """Return the next s, the bracket, and whether s is the zero; s below `low` where there is none.
+    """Return the next s, the bracket, and whether s is the zero; s falls below `low` without one.
 
-    `search` holds whether f rises between `low` and `high`, and bounds of its second derivative and
-    its slope along the ray.
+    `search` is whether f increases between `low` and `high`, and bounds of its second derivative
+    and its slope along the ray.
     """
     is_bracket, bend, fastest = search
     if is_bracket:
@@ -117,15 +117,15 @@ def advance(s, value, rate, low, high, search):
         # Kantorovich: the nearest zero is the only one within twice this step.
         step = value / rate
         return s - step, low, high, bend * step * step < _CLOSE * rate
-    # Neither by its largest slope nor by its slope here and its largest bend does f come to zero
-    # sooner. Where it touches the surface from outside it goes on.
+    # By its largest slope, or by its slope here and its largest second derivative, f has no zero
+    # within this step. If the ray touches the surface from outside, the search continues.
     ahead = (math.sqrt(rate * rate + 2.0 * bend * value) - rate) / bend if bend > 0.0 else 0.0
     return s - max(value / fastest, ahead, _CLOSE), low, high, False
 
 
 @small_kernel
 def _start(low, high, search):
-    """Return where the search for a zero begins."""
+    """Return the start of the search for a zero."""
     return max(0.5 * (low + high), low, 0.0) if search[0] else high
 
 
@@ -133,7 +133,7 @@ def _start(low, high, search):
 def _last_zero(solids, g, face, x, d, ends, search):
     """Return the last s between `ends` at which a ray leaves a sheet; -inf without one above 0.
 
-    At the far end f is not negative.
+    f is not negative at the far end.
     """
     at, normal = stack_array((3,)), stack_array((3,))
     low, high = ends
@@ -155,9 +155,9 @@ def _last_zero(solids, g, face, x, d, ends, search):
 
 @inner_kernel
 def _last_zero_planar(textures, k, line, low, high, search):
-    """Return the same of a flat sheet with a planar map, several times faster.
+    """Return `_last_zero` for a flat sheet with a planar map, several times faster.
 
-    `line` is the distance from the smooth sheet, u and v at the ray's start, and their rates.
+    `line` has the distance from the smooth sheet, u and v at the ray's start, and their rates.
     """
     gap, u, v, straight, du, dv = line
     s, floor = _start(low, high, search), low
@@ -175,8 +175,8 @@ def _last_zero_planar(textures, k, line, low, high, search):
 
 
 @inner_kernel
-def _leave_flat(solids, g, face, x, d, gap, rate):
-    """Return where a ray that rises over a flat sheet at `rate`, from `gap`, leaves it."""
+def _exit_flat_sheet(solids, g, face, x, d, gap, rate):
+    """Return where a ray leaves a flat sheet; its height over the smooth one is gap + rate s."""
     geometry, reach = solids.geometry, solids.reach[g]
     surface, slope = geometry.surface[g], reach.slope
     k = geometry.texture[surface]
@@ -202,15 +202,15 @@ def _leave_flat(solids, g, face, x, d, gap, rate):
 
 
 @inner_kernel
-def _leave_curved(solids, g, x, d):
-    """Return where a ray leaves the curved sheet; -inf where it passes by."""
+def _exit_curved_sheet(solids, g, x, d):
+    """Return where a ray leaves the curved sheet; -inf if it misses it."""
     geometry, reach = solids.geometry, solids.reach[g]
     kind, size = geometry.kind[g], geometry.size[g]
     enters, leaves = _curved_chord(kind, size, x, d, reach.highest)
     if geometry.texture[geometry.surface[g]] < 0:
         return leaves
     begins, low = _curved_chord(kind, size, x, d, reach.lowest)
-    if low < begins:  # it passes the lowered sheet by: search the half of the ray behind
+    if low < begins:  # it misses the lowered sheet: search the far half of the chord
         low = 0.5 * (enters + leaves)
     search = (False, reach.bend, 1.1 * math.sqrt(1.0 + reach.slope**2))
     return _last_zero(solids, g, CURVED, x, d, (low, leaves), search)
@@ -218,7 +218,7 @@ def _leave_curved(solids, g, x, d):
 
 @inner_kernel
 def exit_of(solids, g, x, d, layer):
-    """Return how far along a ray it leaves a solid [m], and by which sheet; 0 where it does not.
+    """Return the distance along a ray to its exit from a solid [m], and the sheet; 0 for none.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def exit_of(solids, g, x, d, layer):
         Start of the ray and its unit direction, in the geom's frame.
     layer : float
         Thickness of the layer [m]. A solid that the ray enters beyond its start counts only if the
-        ray leaves it within the layer: else it came from behind.
+        exit is within the layer: else the solid is behind the layer.
     """
     kind, size = solids.geometry.kind[g], solids.geometry.size[g]
     low, high = solids.reach[g].lowest, solids.reach[g].highest
@@ -263,11 +263,11 @@ def exit_of(solids, g, x, d, layer):
             rate, gap = sign * d[axis], sign * x[axis] - half_length(kind, size, axis)
             if rate <= PARALLEL or (low - gap) / rate > min(found, ends) + _CLOSE:
                 continue
-            s = _leave_flat(solids, g, face, x, d, gap, rate)
+            s = _exit_flat_sheet(solids, g, face, x, d, gap, rate)
             if s < found:
                 found, by = s, face
     if kind != PLANE and kind != BOX:
-        s = _leave_curved(solids, g, x, d)
+        s = _exit_curved_sheet(solids, g, x, d)
         if s < found:
             found, by = s, CURVED
     if not found > max(begins, 0.0) or (begins > 0.0 and found > layer):

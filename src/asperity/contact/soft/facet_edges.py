@@ -1,12 +1,12 @@
-"""Where the displaced surface of a mesh breaks: its hard edges, and who meets there.
+"""Hard edges of a mesh, where its displaced surface is discontinuous, and the facets there.
 
-Neighbours whose normals w, or places on the texture, agree along their common edge are displaced
-alike there. At other edges each reaches over its border. With phi the angle between two planes and
-heights within +-R, their displaced planes meet at most
+Neighbours whose normals w and texture coordinates agree along their common edge have a continuous
+displaced surface. At other edges each facet is extended beyond its border. With phi the angle
+between two planes and heights within +-R, their displaced planes intersect within
 
     R (1 + |cos phi|) / sin phi
 
-beside the edge; a facet reaches no farther than 2 R, enough from 53 degrees on.
+of the edge; a facet is extended by at most 2 R, enough for 53 degrees and more.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from asperity._core.structures import by_reference
 from asperity.geometry.mesh.checks import SAME_PLACE, same_places
 
 _FARTHEST = 2.0
-"""Largest reach over a border, over the height of the texture [-]."""
-_ALIKE = 1e-6
-"""Difference of unit normals that counts as none."""
+"""Largest extension beyond a border, over the height of the texture [-]."""
+_SAME_NORMAL = 1e-6
+"""Difference below which unit normals count as equal."""
 _FLAT = 1e-6
-"""Sine of the angle between facets that are no edge but for their textures."""
+"""Sine of the angle below which facets count as coplanar."""
 
 
 @by_reference
 class Rims(NamedTuple):
-    """The facets of one body, as far as their borders go."""
+    """Borders of the facets of one body."""
 
     points: Array
     """Corners [m], (n, 8, 3)."""
@@ -42,29 +42,29 @@ class Rims(NamedTuple):
     w: Array
     """Normals in the body's frame, (n, 3, 3): at the origin, by x, by y."""
     place: Array
-    """The same of the places on the texture [m], (n, 3, 2); zeros where they cannot differ."""
+    """The same for texture coordinates [m], (n, 3, 2); zeros if they cannot differ."""
     period: Array
-    """After which the texture repeats itself [m], (2,); infinite without."""
+    """Of the texture [m], (2,); infinite if it is not periodic."""
     close: float
-    """Distance of places that are one [m]."""
+    """Distance below which points are equal [m]."""
 
 
 @by_reference
 class FacetEdges(NamedTuple):
-    """What happens at the borders of facets."""
+    """Extensions and neighbours of facets at hard edges."""
 
     reach: Array
-    """How far each reaches over each of its sides [m], (n, 8)."""
+    """Extension of each facet beyond each of its sides [m], (n, 8)."""
     pairs: Indices
-    """Facets that touch each other where the surface breaks, both ways round, (p, 2)."""
+    """Facets that touch at a hard edge, in both orders, (p, 2)."""
     is_convex: Mask
     """Whether each of a pair is behind the plane of the other, (p,)."""
     has_corners: Mask
-    """Whether one of a facet's pairs touches it at a corner alone, (n,)."""
+    """Whether one of a facet's pairs touches it only at a corner, (n,)."""
 
 
 def facet_edges(rims: Rims, height: float) -> FacetEdges:
-    """Return the edges of facets whose texture rises and falls by `height` [m] at most."""
+    """Return the edges of facets whose texture is within +-`height` [m]."""
     count = len(rims.sides)
     face, side = np.nonzero(np.arange(rims.points.shape[1]) < rims.sides[:, None])
     after = np.where(side + 1 < rims.sides[face], side + 1, 0)
@@ -88,10 +88,10 @@ def facet_edges(rims: Rims, height: float) -> FacetEdges:
     cosine = np.abs(np.einsum("ij,ij->i", normal[face[one]], normal[face[two]]))
     far = np.where(
         np.abs(fall) > 1e-3, (1.0 + cosine) / np.maximum(np.abs(fall), 1e-3), 1.0
-    )  # where only the textures differ, rays of 45 degrees find the way over the step
+    )  # where only the textures differ, enough for rays at 45 degrees to the step
     far = height * np.minimum(far, _FARTHEST)
     np.maximum.at(reach, (face[one][breaks], side[one][breaks]), far[breaks])
-    # Sides that break in one part and go on in another: the neighbour there has its own exits.
+    # Sides that are hard only in part: the neighbour at the smooth part has its own exits.
     listed = breaks | (reach[face[one], side[one]] > 0.0)
     pairs, convex = np.stack([face[one], face[two]], axis=1), breaks & (fall < -_FLAT)
     by_corner = _corner_pairs(rims, face, side, places)
@@ -108,7 +108,7 @@ def facet_edges(rims: Rims, height: float) -> FacetEdges:
 def _shared_sides(
     start_at: Indices, end_at: Indices, start: Array, end: Array, close: float
 ) -> tuple[Indices, Indices, Array, Array]:
-    """Return pairs of sides that lie on each other, both ways round, and the ends of that part."""
+    """Return pairs of sides with a common part, in both orders, and the ends of that part."""
     low, high = np.minimum(start_at, end_at), np.maximum(start_at, end_at)
     _, edge, times = np.unique(
         low * (int(high.max()) + 1) + high, return_inverse=True, return_counts=True
@@ -119,7 +119,7 @@ def _shared_sides(
            if i != j]  # fmt: skip
     pairs = np.array(one, dtype=np.int64).reshape(-1, 2)
     first, last = start[pairs[:, 0]], end[pairs[:, 0]]
-    # Of the other sides parts lie on each other, where large polygons end.
+    # The other sides may have parts in common, where large polygons end.
     left = np.flatnonzero(times[edge] == 1)
     more = [(pairs, first, last)]
     for i in left:
@@ -138,7 +138,7 @@ def _shared_sides(
 
 
 def _difference(rims: Rims, one: Indices, two: Indices, points: Array) -> Array:
-    """Return how much two facets differ at points of both, over what counts as none, (n,)."""
+    """Return the difference of two facets at common points, over the tolerance, (n,)."""
     normals, places = [], []
     for facet in (one, two):
         flat = np.einsum("nj,nij->ni", points - rims.origin[facet], rims.axes[facet, :2])
@@ -149,17 +149,18 @@ def _difference(rims: Rims, one: Indices, two: Indices, points: Array) -> Array:
     away = places[0] - places[1]
     whole = np.isfinite(rims.period)
     away[:, whole] -= rims.period[whole] * np.round(away[:, whole] / rims.period[whole])
-    # Places on a map have single precision.
+    # Texture coordinates have single precision.
     most = 10.0 * max(rims.close, SAME_PLACE * float(np.abs(rims.place[:, 0]).max(initial=0.0)))
     return np.asarray(
         np.maximum(
-            np.abs(normals[0] - normals[1]).max(axis=1) / _ALIKE, np.abs(away).max(axis=1) / most
+            np.abs(normals[0] - normals[1]).max(axis=1) / _SAME_NORMAL,
+            np.abs(away).max(axis=1) / most,
         )
     )
 
 
 def _corner_pairs(rims: Rims, face: Indices, side: Indices, places: Indices) -> Array:
-    """Return facets that share a corner where they differ, each behind the other, (p, 2)."""
+    """Return facets that differ at a common corner, each behind the other's plane, (p, 2)."""
     order = np.argsort(places, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(places[order])) + 1)
     pairs = np.array(
@@ -175,7 +176,7 @@ def _corner_pairs(rims: Rims, face: Indices, side: Indices, places: Indices) -> 
 
 
 def _is_behind(rims: Rims, face: Indices, side: Indices, one: Indices, two: Indices) -> Mask:
-    """Return whether both sides of facets at corners `one` go behind the planes of `two`."""
+    """Return whether both sides of facets at corners `one` are behind the planes of `two`."""
     sides, normal = rims.sides[face[one]], rims.axes[face[two], 2]
     corner, out = rims.points[face[one], side[one]], np.ones(len(one), bool)
     for step in (1, -1):

@@ -1,11 +1,11 @@
-"""How far a point is outside the displaced surface of a facet, along the facet's own normals.
+"""Distance of a point outside the displaced surface of a facet, along the facet's normals.
 
 The surface is `p = a + t(a) w(a) / |w(a)|` with a on the plane of the facet. A point q of the
-facet's frame has the foot a with `q = a + h w(a)`, and is outside by
+facet's frame has the foot a with `q = a + h w(a)`, and the distance
 
     f(q) = h |w(a)| - t(a),
 
-which is that of `sheets` with interpolated normals. The matrix of `dq = A (da, dh)` has the columns
+as in `sheets`, but with interpolated normals. The matrix of `dq = A (da, dh)` has the columns
 `e_x + h w_x`, `e_y + h w_y` and w; its inverse gives grad f.
 """
 
@@ -19,15 +19,16 @@ from asperity.contact.soft.sheets import TRIPLANAR, texture_on
 from asperity.texture.packed import texture_slope
 
 OUTSIDE, BEYOND, NEAR, WITHIN = range(-1, 3)
-"""Place of a foot: outside of a facet, beyond an edge that it reaches over, near such an edge."""
+"""Position of a foot: outside a facet, on its extension beyond an edge, near such an edge, within.
+"""
 _FOOT_STEPS = 20
 _STEEPEST = 0.05
-"""Least part of w along the facet's normal; it is less far beyond the borders alone."""
+"""Lower limit of w's part along the facet's normal, reached only far beyond the borders."""
 
 
 @inner_kernel
 def where_on(facet, x, y):
-    """Return where (x, y) lies on a facet: `OUTSIDE`, `BEYOND`, `NEAR` or `WITHIN`."""
+    """Return the position of (x, y) on a facet: `OUTSIDE`, `BEYOND`, `NEAR` or `WITHIN`."""
     place = WITHIN
     for k in range(facet.sides):
         border = facet.borders[k]
@@ -43,7 +44,7 @@ def where_on(facet, x, y):
 
 @small_kernel
 def is_far(facet, x, y, margin):
-    """Return whether (x, y) is outside of a facet by more than a margin [m]."""
+    """Return whether (x, y) is outside a facet by more than a margin [m]."""
     for k in range(facet.sides):
         border = facet.borders[k]
         if border[0] + border[1] * x + border[2] * y > border[3] + margin:
@@ -53,21 +54,21 @@ def is_far(facet, x, y, margin):
 
 @small_kernel
 def along_axis(facet, i, x):
-    """Return part `i` of a direction (3,) of the geom's frame in a facet's axes."""
+    """Return component `i` of a direction (3,) of the geom's frame in a facet's axes."""
     axis = facet.axes[i]
     return axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2]
 
 
 @small_kernel
 def from_origin(facet, i, x):
-    """Return part `i` of a point (3,) of the geom's frame in a facet's axes [m]."""
+    """Return component `i` of a point (3,) of the geom's frame in a facet's axes [m]."""
     axis, at = facet.axes[i], facet.origin
     return axis[0] * (x[0] - at[0]) + axis[1] * (x[1] - at[1]) + axis[2] * (x[2] - at[2])
 
 
 @inner_kernel
 def _height(solids, g, facet, x, y, w):
-    """Return the texture's height at (x, y) of a facet, and its derivatives; `w` (3,) is there."""
+    """Return the texture's height at (x, y) of a facet, and its derivatives; `w` (3,) is known."""
     geometry = solids.geometry
     surface = geometry.surface[g]
     k = geometry.texture[surface]
@@ -100,7 +101,7 @@ def _height(solids, g, facet, x, y, w):
 
 @inner_kernel
 def facet_sheet(solids, g, facet, q, gradient_out, foot_out):
-    """Return f at a point of a facet's axes (3,), and fill its gradient (3,) and its foot (2,)."""
+    """Return f at a point in a facet's axes (3,); fill its gradient (3,) and the foot (2,)."""
     w = stack_array((3,))
     x, y, h = fill_foot(facet, q, w)
     foot_out[0], foot_out[1] = x, y

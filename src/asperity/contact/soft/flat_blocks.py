@@ -1,9 +1,8 @@
-"""How far a block of taxels is pressed in by a flat sheet with a planar map.
+"""Compressions of a block of taxels by a flat sheet with a planar map.
 
-Distance from the sheet, and u and v on the texture, are linear in a taxel's place. All taxels of a
-block take each step of their search together: one step of one taxel has to wait for the last, but
-the steps of many can be on their way at once. Height and slope of the texture are bounded over all
-that the block can touch of it.
+Distance from the sheet, and u and v on the texture, are linear in a taxel's position. All taxels of
+a block take each step of their search together, so that the processor can overlap their memory
+accesses. Height and slope of the texture are bounded over the part that the block can touch.
 """
 
 from __future__ import annotations
@@ -19,24 +18,25 @@ from asperity.texture.packed import texture_bounds, texture_slope
 
 RAY = np.dtype([
     ("taxel", "i8"),
-    # Distance from the smooth sheet and place on the texture: at its start, and by its length.
+    # Distance from the smooth sheet and texture coordinates: at its start, and their rates.
     ("gap", "f8"), ("u", "f8"), ("v", "f8"), ("rate", "f8"), ("du", "f8"), ("dv", "f8"),
     ("aside", "f8"),  # sine of its angle with the normal
-    # Where on the ray the search is, between which ends, and what it finds there.
+    # Position and bracket of the search on the ray, and the texture there.
     ("s", "f8"), ("low", "f8"), ("high", "f8"), ("floor", "f8"),
     ("t", "f8"), ("t_u", "f8"), ("t_v", "f8"), ("is_read", "?"),
 ], align=True)  # fmt: skip
-"""The ray of a taxel over a flat sheet; `is_read`: whether `t_u` and `t_v` are those of its end."""
+"""The ray of a taxel over a flat sheet; `is_read` is whether `t_u` and `t_v` are those of its end.
+"""
 _SAME = 1e-13
-"""Change of a slope that is none [-]."""
+"""Change of a slope that is negligible [-]."""
 
 
 @inner_kernel
 def fill_sheet(solids, relative, g, face, pose, rows_out, gradients_out):
-    """Fill u, v on the texture and the distance from a flat sheet, linear in a taxel's place.
+    """Fill the linear functions u, v and distance from a flat sheet of a taxel's position.
 
-    `rows_out` (3, 4): in the frame of the skin; `gradients_out` (3, 3): in world axes. `pose`: of
-    the skin.
+    `rows_out` (3, 4) is in the frame of the skin, `gradients_out` (3, 3) in world axes; `pose` is
+    the skin's.
     """
     geometry, axis, sign = solids.geometry, face >> 1, 1.0 if face & 1 else -1.0
     turn, at = geometry.rotation[g], geometry.position[g]
@@ -60,10 +60,10 @@ def fill_sheet(solids, relative, g, face, pose, rows_out, gradients_out):
 
 
 @inner_kernel
-def _lay_rays(rows, highest, taxels, first, last, rays):
-    """Fill the rays of the taxels `first` to `last` that start below `highest`; return how many.
+def _fill_rays(rows, highest, taxels, first, last, rays):
+    """Fill the rays of the taxels `first` to `last` that start below `highest`; return the number.
 
-    There is room for one more.
+    The array needs room for one more.
     """
     count = 0
     for t in range(first, last):
@@ -83,7 +83,7 @@ def _lay_rays(rows, highest, taxels, first, last, rays):
 
 @inner_kernel
 def _bounds_below(textures, k, reach, rays, count):
-    """Return bounds of height and slope of the texture where the rays may leave it."""
+    """Return bounds of the texture's height and slope where the rays may leave it."""
     u0, u1, v0, v1 = np.inf, -np.inf, np.inf, -np.inf
     for i in range(count):
         ray = rays[i]
@@ -97,7 +97,7 @@ def _bounds_below(textures, k, reach, rays, count):
 
 @small_kernel
 def _evaluate(textures, k, rays, active, count):
-    """Fill height and slope of the texture where some rays are."""
+    """Fill height and slope of the texture at the current points of some rays."""
     for i in range(count):
         ray = rays[active[i]]
         t, t_u, t_v = texture_slope(textures, k, ray.u + ray.s * ray.du, ray.v + ray.s * ray.dv)
@@ -111,7 +111,7 @@ def _is_pressed(taxels, ray):
 
 @inner_kernel
 def leave_sheet(solids, g, rows, taxels, first, last, rays, active):
-    """Fill the `rays` of the taxels `first` to `last` that are pressed in by a flat sheet.
+    """Fill the `rays` of the taxels `first` to `last` that a flat sheet compresses.
 
     Parameters
     ----------
@@ -121,17 +121,17 @@ def leave_sheet(solids, g, rows, taxels, first, last, rays, active):
     rows : (3, 4) array
         Of `fill_sheet`.
     rays : (last - first + 1,) RAY records
-        `s` is filled with how far the taxel is pressed in, `t_u` and `t_v` with the slope there.
+        `s` is filled with the compression, `t_u` and `t_v` with the slope there.
     active : (last - first,) array of int
-        Filled with the numbers of the rays that are pressed in.
+        Filled with the numbers of the rays of compressed taxels.
 
     Returns
     -------
     int
-        How many these are.
+        The number of these.
     """
     reach, k = solids.reach[g], solids.geometry.texture[solids.geometry.surface[g]]
-    count = _lay_rays(rows, reach.highest, taxels, first, last, rays)
+    count = _fill_rays(rows, reach.highest, taxels, first, last, rays)
     highest, slope, left = reach.highest, reach.slope, 0
     middle = 0.5 * (reach.lowest + reach.highest)
     if k >= 0 and count > 0:
@@ -187,7 +187,7 @@ def leave_sheet(solids, g, rows, taxels, first, last, rays, active):
 
 @inner_kernel
 def fill_across(ray, gradients, m_out):
-    """Fill m = N / (N.d), world axes (3,), where a ray leaves a flat sheet."""
+    """Fill m = N / (N.d), world axes (3,), at a ray's exit from a flat sheet."""
     rise = max(ray.rate - ray.t_u * ray.du - ray.t_v * ray.dv, GRAZING)
     for i in range(3):
         normal = gradients[2, i] - ray.t_u * gradients[0, i] - ray.t_v * gradients[1, i]

@@ -1,17 +1,17 @@
-r"""Pressure of an elastic layer on a rigid base: a Winkler foundation.
+"""Pressure of an elastic layer on a rigid base: a Winkler foundation.
 
-A thin layer of thickness h that sticks to its base and cannot bulge sideways is compressed by
+A thin layer of thickness h, bonded to its base and without lateral strain, has the pressure
 
     p = K delta,      K = (1 - nu) E / ((1 + nu) (1 - 2 nu) h)
 
-(K. L. Johnson, *Contact Mechanics*, 1985, section 4.3). Up to half of the thickness the layer here
-is this spring. Beyond, it stiffens, so that it is never pressed flat (a choice of this package):
-with y = delta - h/2 and x = y / (h/2),
+(K. L. Johnson, *Contact Mechanics*, 1985, section 4.3) at a compression delta. Here this holds up
+to half of the thickness. Beyond, the layer stiffens, so that it is never pressed flat (a choice of
+this package): with y = delta - h/2 and x = y / (h/2),
 
     p = K (h/2 + h/2 x / (1 - x)),      energy per area = integral of p.
 
-p and its slope are continuous. From x = 0.95 on, where p is twenty times that of the end of the
-straight part, it goes on along its tangent.
+p and its slope are continuous. From x = 0.95 on, where p is twenty times that at half of the
+thickness, it continues along its tangent.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Where a ray leaves a textured mesh.
+"""Exit of a ray from a textured mesh.
 
 Each facet is a sheet (`facet_sheets`). At a hard edge, where neighbours are displaced along
-different normals or by different heights, a facet reaches over its border, so that no crack opens.
-Where the edge is convex the body is behind both sheets: what is in front of a neighbour's is no
-exit. Where it is concave the body is behind either, and the last exit counts, as everywhere.
+different normals or by different heights, a facet is extended beyond its border, so that there is
+no gap. At a convex edge the body is behind both sheets: a point in front of the neighbour's sheet
+is no exit. At a concave edge the body is behind either, and the last exit counts, as everywhere.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from asperity.contact.soft.facet_sheets import (
 )
 
 _ROOM = 48
-"""Exits near hard edges along one ray; of more the first are kept."""
+"""Maximum number of exits near hard edges along one ray."""
 _BEHIND = 1e-12
-"""How far an exit may be in front of a neighbour's sheet [m]: where two meet it is on both."""
+"""Distance in front of a neighbour's sheet up to which an exit is on both sheets [m]."""
 
 
 @small_kernel
 def _meets_box(node, x, over, grow, end):
-    """Return whether a ray meets a box within `end`; `over` is one over its direction."""
+    """Return whether a ray meets a box within `end`; `over` is the reciprocal of its direction."""
     low, high = 0.0, end
     for i in range(3):
         middle = (node.middle[i] - x[i]) * over[i]
@@ -46,14 +46,14 @@ def _meets_box(node, x, over, grow, end):
 
 
 @small_kernel
-def _over(part):
-    """Return one over a part of a direction, a large number for 0."""
+def _reciprocal(part):
+    """Return the reciprocal of a direction's component, a large number for 0."""
     return 1.0 / part if abs(part) > 1e-300 else 1e300
 
 
 @inner_kernel
-def _over_rectangle(facet, q, e, aside):
-    """Return where a ray comes over a facet's rectangle, `aside` wider, and where it leaves it."""
+def _clip_to_rectangle(facet, q, e, aside):
+    """Return the range of a ray over a facet's rectangle, widened by `aside`."""
     low, high = -np.inf, np.inf
     for i in range(2):
         half = facet.half[i] + aside
@@ -67,10 +67,10 @@ def _over_rectangle(facet, q, e, aside):
 
 
 @inner_kernel
-def _leave_facet(solids, g, facet, q, e, foot_out):
+def _exit_facet(solids, g, facet, q, e, foot_out):
     """Return the last s at which a ray leaves a facet's sheet, -inf without one; fill its foot.
 
-    `q`, `e`: start and direction in the facet's axes, whose third part is above 0.
+    `q` and `e` are start and direction in the facet's axes; e[2] is above 0.
     """
     lowest, highest = solids.reach[g].lowest, solids.reach[g].highest
     low, high = (lowest - q[2]) / e[2], (highest - q[2]) / e[2]
@@ -78,14 +78,14 @@ def _leave_facet(solids, g, facet, q, e, foot_out):
     steep = facet.slope * (aside + facet.lean) + facet.lean
     is_bracket, s = e[2] > steep, -q[2] / e[2]
     most = max(-lowest, highest)
-    # From where the ray passes the plane to the foot.
+    # The last argument bounds the distance from the ray's point on the plane to the foot.
     if is_far(facet, q[0] + s * e[0], q[1] + s * e[1], most * (aside / e[2] + 2.0 * facet.lean)):
         return -np.inf
     search = (is_bracket, facet.bend * aside * aside, e[2] + steep)
     if not facet.is_level:
         search = (is_bracket, facet.bend, 1.1 * (1.0 + facet.slope))
     if not is_bracket:
-        begins, ends = _over_rectangle(facet, q, e, most)
+        begins, ends = _clip_to_rectangle(facet, q, e, most)
         low, high = max(low, begins), min(high, ends)
         s = high
         if low > high:
@@ -97,7 +97,7 @@ def _leave_facet(solids, g, facet, q, e, foot_out):
             at[i] = q[i] + s * e[i]
         value = facet_sheet(solids, g, facet, at, gradient, foot_out)
         if step == 0 and not is_bracket and value < 0.0:
-            return -np.inf  # it is still inside where it has passed the facet
+            return -np.inf  # still inside at the end of the facet
         rate = gradient[0] * e[0] + gradient[1] * e[1] + gradient[2] * e[2]
         s, low, high, is_found = advance(s, value, rate, low, high, search)
         if is_found:
@@ -112,7 +112,7 @@ def _leave_facet(solids, g, facet, q, e, foot_out):
 
 @inner_kernel
 def _starts_in_front(meshes, solids, g, x, number):
-    """Return whether a ray starts in front of a neighbour of a facet, over an edge outwards."""
+    """Return whether a ray starts in front of a neighbour of a facet at a convex edge."""
     q, gradient, foot = stack_array((3,)), stack_array((3,)), stack_array((2,))
     own = meshes.facets[number]
     for k in range(own.first, own.last):
@@ -129,16 +129,17 @@ def _starts_in_front(meshes, solids, g, x, number):
 
 
 @inner_kernel
-def _counts(meshes, solids, g, ray, found, count, c):
+def _classify_exit(meshes, solids, g, ray, found, count, c):
     """Return whether exit `c` of those `found` (count, 3) near hard edges is on the surface.
 
-    1: it is; 0: it is not; -1: it is in front of a neighbour, but the ray starts behind all.
+    1: it is; 0: it is not; -1: it is in front of a neighbour, but the ray starts behind all of
+    them.
     """
     x, d = ray
     s, number, place = found[c, 0], int(found[c, 1]), int(found[c, 2])
     point, q = stack_array((3,)), stack_array((3,))
     gradient, foot = stack_array((3,)), stack_array((2,))
-    # Over an edge it is the neighbours' ground: where none of them is, there is another surface.
+    # An extension needs a neighbour below it; without one another surface is there.
     answer, is_met = 1, place != BEYOND
     for i in range(3):
         point[i] = x[i] + s * d[i]
@@ -161,10 +162,10 @@ def _counts(meshes, solids, g, ray, found, count, c):
             if int(found[other, 1]) == neighbour.facet:
                 exit_there, place_there = found[other, 0], int(found[other, 2])
         if not neighbour.is_convex:
-            # It has its own exit, as at the step between two textures.
+            # The neighbour has its own exit, as at the step between two textures.
             if place_there >= NEAR:
                 return 0
-        elif exit_there > 0.0:  # bumps that the ray goes through before count for neither
+        elif exit_there > 0.0:  # earlier bumps of either sheet do not matter
             if exit_there < s:
                 answer = -1
         elif front > _BEHIND:
@@ -175,7 +176,7 @@ def _counts(meshes, solids, g, ray, found, count, c):
 
 
 @small_kernel
-def _later(s, number, layer, best):
+def _merge_exit(s, number, layer, best):
     """Return the last exit within a layer and the first beyond it: s, facet, s, facet."""
     last, by, first, by_first = best
     if s <= layer:
@@ -188,12 +189,12 @@ def _later(s, number, layer, best):
 
 @inner_kernel
 def leave_mesh(meshes, solids, g, x, d, layer):
-    """Return how far along a ray it leaves a mesh [m], and by which facet; 0 where it does not.
+    """Return the distance along a ray to its exit from a mesh [m], and the facet; 0 for none.
 
     Parameters
     ----------
     meshes : MeshFacets
-        None where there is no mesh.
+        None if there is no mesh.
     solids : Solids
     g : int
         The geom.
@@ -201,13 +202,13 @@ def leave_mesh(meshes, solids, g, x, d, layer):
         Start of the ray and its unit direction, in the geom's frame.
     layer : float
         Thickness of the layer [m]. An exit beyond it counts only if the ray does not enter the body
-        beyond its start: else the body came from behind.
+        beyond its start: else the body is behind the layer.
     """
     if meshes is None:
         return 0.0, -1
     q, e, foot = stack_array((3,)), stack_array((3,)), stack_array((2,))
     found, count = stack_array((_ROOM, 3)), 0
-    over = (_over(d[0]), _over(d[1]), _over(d[2]))
+    over = (_reciprocal(d[0]), _reciprocal(d[1]), _reciprocal(d[2]))
     is_smooth = solids.geometry.texture[solids.geometry.surface[g]] < 0
     entered, best, end = np.inf, (0.0, -1, np.inf, -1), 2.0 * layer
     at, grow = meshes.root[g], meshes.grow[g]
@@ -232,7 +233,7 @@ def leave_mesh(meshes, solids, g, x, d, layer):
                 q[i], e[i] = from_origin(facet, i, x), along_axis(facet, i, d)
             if is_sheet:
                 q[2], e[2] = gap, rate
-                s = _leave_facet(solids, g, facet, q, e, foot)
+                s = _exit_facet(solids, g, facet, q, e, foot)
                 if not 0.0 < s < end:
                     continue
             else:
@@ -244,21 +245,21 @@ def leave_mesh(meshes, solids, g, x, d, layer):
                 if place >= NEAR:
                     entered = min(entered, s)
             elif place == WITHIN and not facet.has_corners:
-                best = _later(s, number, layer, best)
+                best = _merge_exit(s, number, layer, best)
             elif count < _ROOM:
                 found[count, 0], found[count, 1], found[count, 2] = s, number, place
                 count += 1
     nearest, by = np.inf, -1
     for c in range(count):
         s, number = found[c, 0], int(found[c, 1])
-        answer = _counts(meshes, solids, g, (x, d), found, count, c)
+        answer = _classify_exit(meshes, solids, g, (x, d), found, count, c)
         if answer > 0:
-            best = _later(s, number, layer, best)
+            best = _merge_exit(s, number, layer, best)
         elif answer < 0 and s < nearest:
             nearest, by = s, number
     if by >= 0 and best[1] < 0 and best[3] < 0:
-        # The sheets do not meet within their reach: the first that it leaves.
-        best = _later(nearest, by, layer, best)
+        # The sheets do not meet within their extensions: the first exit counts.
+        best = _merge_exit(nearest, by, layer, best)
     last, by, first, by_first = best
     if by_first >= 0 and first <= entered:
         return first, by_first
@@ -267,7 +268,7 @@ def leave_mesh(meshes, solids, g, x, d, layer):
 
 @inner_kernel
 def normal_of_mesh(meshes, solids, g, number, x, normal_out):
-    """Fill the normal (3,) of a mesh's textured surface at a point of it (3,), by a facet."""
+    """Fill the normal (3,) of a mesh's textured surface at a point (3,) on one of its facets."""
     if meshes is None:
         return
     q, e, foot = stack_array((3,)), stack_array((3,)), stack_array((2,))

@@ -1,4 +1,4 @@
-"""The facets of bodies that are meshes, for the kernels of a skin."""
+"""Facets of mesh bodies for the kernels of a skin."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
 def as_one_geom(body: Body) -> Body:
-    """Return a body with one geom, in the middle of its mesh, in the place of its convex pieces.
+    """Return a body with one mesh geom, at the middle of its mesh, instead of its convex pieces.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def as_one_geom(body: Body) -> Body:
 def mesh_facets(
     bodies: Sequence[Body], textures: PackedTextures, geometry: Geometry, reach: NDArray[np.void]
 ) -> MeshFacets | None:
-    """Return the facets of bodies that are meshes; None without any.
+    """Return the facets of mesh bodies; None without any.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def mesh_facets(
 
 
 def _nodes(table: FacetTable) -> NDArray[np.void]:
-    """Return the boxes of trees as `NODE` records, in the order in which they are visited."""
+    """Return the boxes of trees as `NODE` records in depth-first order."""
     size, order = np.ones(len(table.child), dtype=np.int64), []
     for node in reversed(range(len(size))):
         child = table.child[node]
@@ -113,7 +113,7 @@ def _nodes(table: FacetTable) -> NDArray[np.void]:
 
 
 def _rims(table: FacetTable, mine: Mask, body: Body, middle: Array) -> Rims:
-    """Return the facets of a body as seen from its middle."""
+    """Return the borders of a body's facets relative to its middle."""
     place, texture = table.place[mine].reshape(-1, 3, 3)[:, :, :2], body.texture
     if body.mapping == "triplanar":
         place = np.zeros_like(place)
@@ -129,7 +129,7 @@ def _rims(table: FacetTable, mine: Mask, body: Body, middle: Array) -> Rims:
 
 
 def _records(rims: Rims, edges: FacetEdges | None) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Return the `FACET` and `NEIGHBOUR` records of a body, counted from its own first."""
+    """Return the `FACET` and `NEIGHBOUR` records of a body, numbered from 0."""
     facets = np.zeros(len(rims.sides), FACET)
     for name in ("origin", "axes", "sides", "place"):
         facets[name] = getattr(rims, name)
@@ -159,7 +159,7 @@ def _fill_bounds(
     facets["half"] = table.half[mine] + facets["borders"][:, :, 3].max(axis=1)[:, None]
     stretch = np.ones(len(facets)) if is_triplanar else table.spread[mine, 1]
     first = np.where(facets["is_level"], 0.0, table.bends[mine, 0])
-    # Off the plane by the texture's height, the normals spread what is on it.
+    # At the texture's height over the plane, diverging normals stretch the texture.
     spread = 1.0 / np.maximum(1.0 - height * first, 0.5)
     facets["slope"] = reach["slope"] * stretch * spread
     facets["bend"] = reach["bend"] * (stretch * spread) ** 2

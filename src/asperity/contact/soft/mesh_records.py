@@ -1,4 +1,4 @@
-"""The facets of meshes as the kernels of a skin take them: what a ray can leave a mesh by."""
+"""Records of mesh facets for the exits of rays from a mesh."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ FACET = np.dtype(
         ("w", "f8", (3, 3)),  # in these axes: at the origin [-], by x and by y [1/m]
         ("is_level", "?"),  # w is the normal everywhere
         ("place", "f8", (3, 2)),  # (u, v) on the texture [m]: at the origin, by x, by y
-        ("half", "f8", 2),  # half sides of the rectangle, with what the facet reaches over [m]
+        ("half", "f8", 2),  # half sides of the rectangle, with the facet's extensions [m]
         ("sides", "i8"),
-        # k0 + k1 x + k2 y <= 0 within, for each side, and how far the facet reaches over it [m].
+        # k0 + k1 x + k2 y <= 0 within, for each side, and the extension beyond it [m].
         ("borders", "f8", (MOST_SIDES, 4)),
         ("slope", "f8"),  # bound of the texture's slope along the facet [-]
-        ("bend", "f8"),  # and of the second derivative of the displaced surface [1/m]
+        ("bend", "f8"),  # bound of the second derivative of the displaced surface [1/m]
         ("lean", "f8"),  # largest distance of w from the normal [-]
-        ("first", "i8"),  # of its neighbours, and one past the last
+        ("first", "i8"),  # first of its neighbours, and one past the last
         ("last", "i8"),
-        ("has_corners", "?"),  # some of them touch it at a corner alone
+        ("has_corners", "?"),  # some of them touch it only at a corner
     ],
     align=True,
 )
@@ -37,16 +37,16 @@ NODE = np.dtype(
     [
         ("middle", "f8", 3),  # [m]
         ("reach", "f8", 3),  # half sides [m]
-        ("after", "i8"),  # the next box that is not within it
-        ("first", "i8"),  # of the facets of a leaf, and one past the last; the same otherwise
+        ("after", "i8"),  # next box that is not its descendant
+        ("first", "i8"),  # first facet of a leaf, and one past the last; equal for inner boxes
         ("last", "i8"),
     ],
     align=True,
 )
-"""A box round facets, in the geom's frame. Those within it follow it."""
+"""A box of the tree over facets, in the geom's frame, followed by its descendants."""
 
 NEIGHBOUR = np.dtype([("facet", "i8"), ("is_convex", "?")], align=True)
-"""A facet that another one touches along an edge or at a corner, and whether outwards."""
+"""A facet that touches another one along an edge or at a corner, and whether that is convex."""
 
 
 @by_reference
@@ -62,4 +62,4 @@ class MeshFacets(NamedTuple):
     root: Indices
     """First box of each geom that is a mesh, (geoms,)."""
     grow: Array
-    """How far the textured surface may be out of the boxes of a geom [m], (geoms,)."""
+    """Largest distance of the textured surface outside the boxes of a geom [m], (geoms,)."""

@@ -1,12 +1,12 @@
 """All taxels of a skin at one pose: compressions, forces, wrench, stiffness and damping.
 
-With X the place where a taxel's ray leaves the other surface, N the normal of that surface there
-and d the ray's direction, a motion of the skin changes the compression by
+With X the exit of a taxel's ray from the other body, N the normal of the surface there and d the
+ray's direction, the compression has the derivatives
 
     d(delta)/d(translation) = -m,   d(delta)/d(rotation) = -(r x m),   m = N / (N.d),   r = X - c,
 
-so that the energy `U = sum a w(delta)` gives the force `p a m` at X: along the other surface's
-normal, and p a along the ray.
+so that the energy `U = sum a w(delta)` gives the force `p a m` at X, along the other surface's
+normal. Its component along the ray is p a.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from asperity._core.arrays import Array
 from asperity._core.kernels import inner_kernel, kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity._core.structures import by_reference
-from asperity.contact.soft.blocks import BLOCK, NONE, met_by
+from asperity.contact.soft.blocks import BLOCK, NONE, near_geom
 from asperity.contact.soft.exits import exit_of
 from asperity.contact.soft.flat_blocks import RAY, fill_across, fill_sheet, leave_sheet
 from asperity.contact.soft.mesh_exits import leave_mesh, normal_of_mesh
@@ -30,14 +30,14 @@ from asperity.contact.soft.taxel_sums import add_taxel, clear_sums, complete_sum
 
 @by_reference
 class TaxelArrays(NamedTuple):
-    """The taxels of a skin in the frame of its body; a row a taxel."""
+    """The taxels of a skin in the frame of its body; rows are taxels."""
 
     point: Array
     """On the textured surface [m], (n, 3)."""
     inwards: Array
     """Unit vector of the ray, (n, 3)."""
     along: Array
-    """Unit vectors along columns and rows, across the ray; (n, 2, 3)."""
+    """Unit vectors along columns and rows, perpendicular to the ray; (n, 2, 3)."""
     area: Array
     """Of the smooth surface [m^2], (n,)."""
     thickness: Array
@@ -45,7 +45,7 @@ class TaxelArrays(NamedTuple):
     modulus: Array
     """K [Pa/m], (n,)."""
     block: NDArray[np.void]
-    """`RAYS` records, one for each `BLOCK` taxels."""
+    """`RAYS` records, one for each block of `BLOCK` taxels."""
 
 
 @small_kernel
@@ -65,7 +65,7 @@ def reaches(solids, relative, x, radius):
 
 @inner_kernel
 def fill_relative(frames, pose, relative_out):
-    """Fill the frame `pose` (3, 4) as it is seen from each of the `frames` (n, 3, 4)."""
+    """Fill the frame `pose` (3, 4) relative to each of the `frames` (n, 3, 4)."""
     for g in range(frames.shape[0]):
         for i in range(3):
             for j in range(4):
@@ -78,11 +78,9 @@ def fill_relative(frames, pose, relative_out):
 
 @inner_kernel
 def deepest(solids, relative, taxels, t, x_out, d_out):
-    """Return how far a taxel is pressed in, by which geom, -1 for none, and by which sheet of it.
+    """Return a taxel's compression, the geom, -1 for none, and its sheet, or facet of a mesh.
 
-    Of a mesh: by which facet.
-
-    Fills where the ray leaves that geom, and the ray's direction, in the geom's frame (3,).
+    Fills the ray's exit from that geom, and its direction, in the geom's frame (3,).
     """
     depth, hit, face, thickness = 0.0, -1, 0, taxels.thickness[t]
     x, d = stack_array((3,)), stack_array((3,))
@@ -105,9 +103,9 @@ def deepest(solids, relative, taxels, t, x_out, d_out):
 
 @inner_kernel
 def fill_exit(solids, g, face, ray, point_out, m_out):
-    """Fill the place where a ray leaves a geom, and m = N / (N.d) there, world axes, (3,) both.
+    """Fill a ray's exit from a geom, and m = N / (N.d) there, world axes, (3,) both.
 
-    `ray`: that place and the ray's direction in the geom's frame.
+    `ray` has the exit and the ray's direction in the geom's frame.
     """
     x, d = ray
     normal, frame = stack_array((3,)), solids.frames[g]
@@ -124,8 +122,8 @@ def fill_exit(solids, g, face, ray, point_out, m_out):
 
 
 @inner_kernel
-def _place_on_ray(taxels, t, depth, pose, point_out):
-    """Fill the place on a taxel's ray at a depth, world axes (3,)."""
+def _point_on_ray(taxels, t, depth, pose, point_out):
+    """Fill the point on a taxel's ray at a depth, world axes (3,)."""
     point, inwards = taxels.point[t], taxels.inwards[t]
     for i in range(3):
         point_out[i] = pose[i, 3]
@@ -140,14 +138,14 @@ def press(solids, taxels, friction, pose, centre, twist, out):
     Parameters
     ----------
     solids : Solids
-        What the skin meets.
+        The other bodies.
     taxels : TaxelArrays
     friction : float
         Coulomb's coefficient [-].
     pose : (3, 4) array
         Rotation and position of the skin's body.
     centre : (3,) array
-        About which torques are, in the body's frame [m].
+        Reference point of torques, in the body's frame [m].
     twist : (6,) array
         Velocity of the centre [m/s] and angular velocity [rad/s], world axes.
     out : SkinOutput
@@ -172,7 +170,7 @@ def press(solids, taxels, friction, pose, centre, twist, out):
             out.traction[t, k] = out.force[t, k] = 0.0
     count = 0
     for block in range(taxels.block.shape[0]):
-        geom, sheet = met_by(solids, relative, taxels.block[block])
+        geom, sheet = near_geom(solids, relative, taxels.block[block])
         if geom == NONE:
             continue
         first, last = block * BLOCK, min((block + 1) * BLOCK, total)
@@ -186,7 +184,7 @@ def press(solids, taxels, friction, pose, centre, twist, out):
                 ray = rays[active[i]]
                 t, depth = ray.taxel, ray.s
                 fill_across(ray, gradients, m)
-                _place_on_ray(taxels, t, depth, pose, out.point[t])
+                _point_on_ray(taxels, t, depth, pose, out.point[t])
             else:
                 depth, hit, face = deepest(solids, relative, taxels, t, best_x, best_d)
                 if hit < 0:
@@ -201,18 +199,18 @@ def press(solids, taxels, friction, pose, centre, twist, out):
 
 @kernel
 def lay(solids, smooth, starts, facing, point_out, normal_out):
-    """Find the outermost point along `facing` of a body's textured surface over each start.
+    """Fill the outermost point along `facing` of a body's textured surface over each start.
 
     Parameters
     ----------
     solids, smooth : Solids
         The geoms of the body, in its frame, with and without texture.
     starts : (n, 3) array
-        Points behind the body, from which lines along `facing` go, its frame [m].
+        Points behind the body, starts of lines along `facing`, its frame [m].
     facing : (3,) array
         Unit vector.
     point_out, normal_out : (n, 3) arrays
-        The point, and the outward normal of the smooth surface; nan where there is none.
+        The point, and the outward normal of the smooth surface; nan if there is none.
     """
     x, d, normal, frames = np.empty(3), np.empty(3), np.empty(3), solids.frames
     for t in range(starts.shape[0]):

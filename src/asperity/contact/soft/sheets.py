@@ -1,12 +1,12 @@
-"""How far a point is outside a textured surface, along the surface's own normal.
+"""Implicit form of a textured surface: distance of a point outside it, along the surface's normal.
 
 A simple solid is the intersection of *sheets*: its flat faces, and its curved side if it has one.
-With tau the signed distance of a point x to a smooth sheet, b the nearest point of it and w the
+With tau the signed distance of a point x to a smooth sheet, b the closest point of it and w the
 normal there, the textured surface `b + t w` is the zero set of
 
     f(x) = tau(x) - t(b(x), w(x)),      grad f = w - db/dx^T t_b - dw/dx^T t_w.
 
-It is the surface of `contact.narrow_phase`, in the form that a ray needs.
+It is the surface of `contact.narrow_phase`, in the form for intersection with rays.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ CURVED = -1
 PLANAR, _CYLINDRICAL, TRIPLANAR = range(3)
 """Indices into `geometry.bodies.MAPPINGS`."""
 GRAZING = 1e-3
-"""Least cosine between a ray and a normal with which a force is computed."""
+"""Lower limit of the cosine between a ray and a normal in a force."""
 _NEGLIGIBLE = 1e-12
-"""Weight of a triplanar map that is left out, as in the search for depths."""
+"""Weight below which a map of a triplanar mapping is ignored, as in the search for depths."""
 
 REACH = np.dtype([("lowest", "f8"), ("highest", "f8"), ("slope", "f8"), ("bend", "f8")])
 """Bounds of the texture on a geom [m], of its slope [-] and of its curvature [1/m]."""
@@ -51,10 +51,10 @@ class Solids(NamedTuple):
     frames: Array
     """Rotation and position in the world, (geoms, 3, 4)."""
     bound: Array
-    """Radius of a ball round each geom's middle that holds its textured surface [m], (geoms,)."""
+    """Radius of the bounding sphere of each geom's textured surface [m], (geoms,)."""
     extent: Array
-    """Half sides of a box in each geom's frame, round its middle, that holds its textured surface
-    [m], (geoms, 3); of a plane above it alone."""
+    """Half sides of the bounding box of each geom's textured surface, in the geom's frame [m],
+    (geoms, 3); a plane is bounded only above."""
     meshes: MeshFacets | None
     """Facets of the geoms that are meshes; None without any."""
 
@@ -71,7 +71,7 @@ def half_length(kind, size, axis):
 def texture_on(solids, g, on_side, base, w, by_base, by_normal):
     """Return the texture's height t at a base point with the normal w; fill t_b and t_w.
 
-    All vectors are (3,) in the geom's frame. `on_side`: whether a cylindrical map covers the
+    All vectors are (3,) in the geom's frame. `on_side` is whether a cylindrical map covers the
     point.
     """
     for i in range(3):
@@ -124,7 +124,7 @@ def texture_on(solids, g, on_side, base, w, by_base, by_normal):
 
 
 @inner_kernel
-def _flat_foot(kind, size, face, x, base, w):
+def _fill_flat_foot(kind, size, face, x, base, w):
     axis, sign = face >> 1, 1.0 if face & 1 else -1.0
     level = half_length(kind, size, axis)
     for i in range(3):
@@ -134,8 +134,8 @@ def _flat_foot(kind, size, face, x, base, w):
 
 
 @inner_kernel
-def _round_foot(kind, size, x, base, w):
-    """Fill the nearest point of a ball, a capsule or a tube; return tau, rho, whether on a side."""
+def _fill_round_foot(kind, size, x, base, w):
+    """Fill the closest point of a ball, capsule or cylinder; return tau, rho, whether on a side."""
     radius, middle, on_side = size[0], 0.0, kind == CYLINDER
     if kind == CYLINDER:
         middle = x[2]
@@ -150,11 +150,11 @@ def _round_foot(kind, size, x, base, w):
 
 
 @inner_kernel
-def _ellipsoid_foot(size, x, base, w):
-    """Fill the nearest point of an ellipsoid; return tau, mu and the length of x / (a^2 + mu).
+def _fill_ellipsoid_foot(size, x, base, w):
+    """Fill the closest point of an ellipsoid; return tau, mu and the length of x / (a^2 + mu).
 
-    The nearest point is a^2 x / (a^2 + mu); mu is the largest root of a convex function, which
-    Newton's method comes to from below (Eberly, Distance from a point to an ellipsoid, 2013).
+    The closest point is a^2 x / (a^2 + mu); mu is the largest root of a convex function, which
+    Newton's method approaches from below (Eberly, Distance from a point to an ellipsoid, 2013).
     """
     mu = -1e30
     for i in range(3):
@@ -195,8 +195,8 @@ def _solve(m, right, out):
 
 
 @inner_kernel
-def _across(vector, w):
-    """Take the part of a vector along w out of it."""
+def _project_out(vector, w):
+    """Remove from a vector its component along w."""
     along = vector[0] * w[0] + vector[1] * w[1] + vector[2] * w[2]
     for i in range(3):
         vector[i] -= along * w[i]
@@ -208,12 +208,12 @@ def _pull_back_ellipsoid(size, mu, length, w, by_base, by_normal, out):
     inverse, m = stack_array((3,)), stack_array((3, 3))
     for i in range(3):
         inverse[i] = 1.0 / (size[i] * size[i])
-    _across(by_normal, w)
+    _project_out(by_normal, w)
     for i in range(3):
         by_base[i] += inverse[i] * by_normal[i] / length
-    _across(by_base, w)
-    # I + mu P A^-1 P with P = I - w w^T: a step of x across w moves the nearest point by its
-    # inverse.
+    _project_out(by_base, w)
+    # I + mu P A^-1 P with P = I - w w^T: its inverse maps a step of x perpendicular to w to that of
+    # the closest point.
     bend = 0.0
     for i in range(3):
         bend += inverse[i] * w[i] * w[i]
@@ -223,35 +223,35 @@ def _pull_back_ellipsoid(size, mu, length, w, by_base, by_normal, out):
             same = 1.0 if i == j else 0.0
             m[i, j] = same + mu * (same * inverse[i] + along)
     _solve(m, by_base, out)
-    _across(out, w)
+    _project_out(out, w)
 
 
 @inner_kernel
 def sheet_at(solids, g, face, x, normal_out):
-    """Return f at a point of the geom's frame (3,), and fill its gradient (3,)."""
+    """Return f at a point of the geom's frame (3,); fill its gradient (3,)."""
     base, w = stack_array((3,)), stack_array((3,))
     by_base, by_normal = stack_array((3,)), stack_array((3,))
     kind, size = solids.geometry.kind[g], solids.geometry.size[g]
     if face >= 0:
-        tau = _flat_foot(kind, size, face, x, base, w)
+        tau = _fill_flat_foot(kind, size, face, x, base, w)
         t = texture_on(solids, g, False, base, w, by_base, by_normal)
-        _across(by_base, w)
+        _project_out(by_base, w)
         for i in range(3):
             normal_out[i] = w[i] - by_base[i]
         return tau - t
     if kind == ELLIPSOID:
-        tau, mu, length = _ellipsoid_foot(size, x, base, w)
+        tau, mu, length = _fill_ellipsoid_foot(size, x, base, w)
         t = texture_on(solids, g, False, base, w, by_base, by_normal)
         _pull_back_ellipsoid(size, mu, length, w, by_base, by_normal, normal_out)
         for i in range(3):
             normal_out[i] = w[i] - normal_out[i]
         return tau - t
-    tau, rho, on_side = _round_foot(kind, size, x, base, w)
+    tau, rho, on_side = _fill_round_foot(kind, size, x, base, w)
     t = texture_on(solids, g, on_side, base, w, by_base, by_normal)
     along_axis = by_base[2]
     for i in range(3):
         by_base[i] = (size[0] * by_base[i] + by_normal[i]) / rho
-    _across(by_base, w)
+    _project_out(by_base, w)
     if on_side:
         by_base[2] = along_axis
     for i in range(3):
@@ -265,11 +265,11 @@ def lift(solids, g, face, x, normal_out):
     base, by_base, by_normal = stack_array((3,)), stack_array((3,)), stack_array((3,))
     kind, size, on_side = solids.geometry.kind[g], solids.geometry.size[g], False
     if face >= 0:
-        _flat_foot(kind, size, face, x, base, normal_out)
+        _fill_flat_foot(kind, size, face, x, base, normal_out)
     elif kind == ELLIPSOID:
-        _ellipsoid_foot(size, x, base, normal_out)
+        _fill_ellipsoid_foot(size, x, base, normal_out)
     else:
-        _, _, on_side = _round_foot(kind, size, x, base, normal_out)
+        _, _, on_side = _fill_round_foot(kind, size, x, base, normal_out)
     t = texture_on(solids, g, on_side, base, normal_out, by_base, by_normal)
     for i in range(3):
         x[i] = base[i] + t * normal_out[i]

@@ -19,25 +19,25 @@ from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.poses import rotation_of
 
 MOST_TAXELS = 1024
-"""Along one side of the grid."""
+"""Maximum number of taxels along one side of the grid."""
 _STEEPEST = 0.2
-"""Least cosine between `facing` and the surface of a taxel."""
+"""Smallest cosine between `facing` and the surface of a taxel."""
 _THINNEST = 0.05
-"""Least thickness of the layer over a lump, over that of the layer."""
+"""Smallest thickness of the layer over a lump, as a fraction of its thickness."""
 
 
 def foundation_modulus(modulus: float, poisson: float, thickness: float) -> float:
     """Return K, the pressure over the compression of a thin elastic layer [Pa/m].
 
-    `(1 - nu) E / ((1 + nu) (1 - 2 nu) h)`: a layer that sticks to a rigid base and cannot bulge
-    sideways (Johnson, *Contact Mechanics*, 1985, section 4.3).
+    `(1 - nu) E / ((1 + nu) (1 - 2 nu) h)`, for a layer bonded to a rigid base, without lateral
+    strain (Johnson, *Contact Mechanics*, 1985, section 4.3).
 
     Parameters
     ----------
     modulus : float
         Young's modulus E [Pa], above 0.
     poisson : float
-        Poisson's ratio nu [-], from 0 to below 0.5, where such a layer cannot be compressed.
+        Poisson's ratio nu [-], from 0 to below 0.5; at 0.5 such a layer is incompressible.
     thickness : float
         h [m], above 0.
 
@@ -69,9 +69,9 @@ def grid_axes(facing: ArrayLike) -> Array:
 class SoftSkin:
     """An elastic layer on a textured body, with a grid of taxels.
 
-    The grid is seen along `facing`: over each of its cells lies the outermost point of the body's
-    textured surface. A taxel's ray goes from there into the body, against the normal of the
-    *smooth* surface. Cells that see no body, or only a side steeper than 78 degrees, have none.
+    The grid is projected along `facing`: each taxel is at the outermost point of the body's
+    textured surface over its cell. Its ray goes from there into the body, against the normal of
+    the *smooth* surface. Cells over no surface, or over one steeper than 78 degrees, have no taxel.
 
     Parameters
     ----------
@@ -86,23 +86,23 @@ class SoftSkin:
     taxels : (2,) of int
         Rows and columns of the grid, 1 to 1024 each.
     facing : (3,)
-        Direction towards which the skin is, in the body's frame; its length does not matter.
+        Outward direction of the skin, in the body's frame; its length does not matter.
     size : (2,), optional
-        Width (along columns) and height (along rows) of the grid [m]; by default all of the body.
+        Width (along columns) and height (along rows) of the grid [m]; by default the whole body.
     middle : (3,), optional
-        Point of the body's frame over which the middle of the grid lies [m].
+        Point of the body's frame under the middle of the grid [m].
     friction : float
         Coulomb's coefficient [-], 0 to 100; see `SkinContact`.
     lumps : sequence of (4,)
         Rigid balls within the layer: middle in the body's frame and radius [m]. Where a taxel's ray
-        meets one the layer is that much thinner, and stiffer by as much. A lump is at least a
-        twentieth of the thickness below the surface.
+        meets one, the layer ends there, and is stiffer in inverse proportion. A lump has to be at
+        least a twentieth of the thickness below the surface.
 
     Raises
     ------
     AsperityError
-        A value is outside its range, the body is a mesh, no cell of the grid sees the body, or a
-        lump comes out of the skin or lies under none of it.
+        A value is outside its range, the body is a mesh, the skin has no taxel, or a lump is not
+        within the layer.
     """
 
     body: Body
@@ -159,18 +159,18 @@ class SoftSkin:
 
     @property
     def arrays(self) -> TaxelArrays:
-        """The taxels, a row each, in the order of `cells`."""
-        return self._laid[0]
+        """The taxels, in the order of `cells`."""
+        return self._place_taxels[0]
 
     @property
     def cells(self) -> Indices:
         """Number of each taxel's cell, row by row, (n,)."""
-        return self._laid[1]
+        return self._place_taxels[1]
 
     @cached_property
     def extent(self) -> tuple[float, float, float, float]:
         """Ends of the grid along columns, and along rows [m]: first, last, first, last."""
-        ends = np.array([_ends(geom, self.axes[:2]) for geom in self.body.geoms])
+        ends = np.array([_ranges(geom, self.axes[:2]) for geom in self.body.geoms])
         low, high = ends[:, :, 0].min(axis=0), ends[:, :, 1].max(axis=0)
         if not np.isfinite(low).all():
             if self.size is None:
@@ -185,7 +185,7 @@ class SoftSkin:
         return first[0], last[0], first[1], last[1]
 
     @cached_property
-    def _laid(self) -> tuple[TaxelArrays, Indices]:
+    def _place_taxels(self) -> tuple[TaxelArrays, Indices]:
         rows, columns = self.taxels
         first, last, low, high = self.extent
         u = first + (np.arange(columns) + 0.5) * ((last - first) / columns)
@@ -202,7 +202,7 @@ class SoftSkin:
         lay(solids, smooth(solids), np.ascontiguousarray(starts), facing, point, normal)
         cosine = normal @ self.axes[2]
         cells = np.flatnonzero(cosine >= _STEEPEST)
-        # Squares of taxels, one after the other: blocks of them are small.
+        # In the order of square tiles, so that blocks of taxels are compact.
         side = math.isqrt(BLOCK)
         row, column = np.divmod(cells, columns)
         cells = cells[np.lexsort((column, row, column // side, row // side))]
@@ -215,7 +215,7 @@ class SoftSkin:
         modulus = self.stiffness_per_area * self.thickness / thickness
         return TaxelArrays(
             points, inwards.copy(), along, cell / cosine[cells], thickness, modulus,
-            _blocks(points, inwards, thickness),
+            _make_blocks(points, inwards, thickness),
         ), cells  # fmt: skip
 
     def _thickness(self, points: Array, inwards: Array) -> Array:
@@ -242,15 +242,15 @@ class SoftSkin:
         return out
 
     def as_grid(self, values: Array, fill: float = 0.0) -> Array:
-        """Return values of taxels (n, ...) as a grid (rows, columns, ...); `fill` where is none."""
+        """Return values of taxels (n, ...) as a grid (rows, columns, ...); `fill` elsewhere."""
         rows, columns = self.taxels
         out = np.full((rows * columns, *values.shape[1:]), fill)
         out[self.cells] = values
         return out.reshape(rows, columns, *values.shape[1:])
 
 
-def _blocks(points: Array, inwards: Array, thickness: Array) -> NDArray[np.void]:
-    """Return the `RAYS` of each `BLOCK` taxels."""
+def _make_blocks(points: Array, inwards: Array, thickness: Array) -> NDArray[np.void]:
+    """Return the `RAYS` of each block of `BLOCK` taxels."""
     out = np.zeros(-(-len(points) // BLOCK), RAYS)
     for number, rays in enumerate(out):
         part = slice(number * BLOCK, (number + 1) * BLOCK)
@@ -260,18 +260,18 @@ def _blocks(points: Array, inwards: Array, thickness: Array) -> NDArray[np.void]
         rays["radius"] = np.linalg.norm(starts - rays["middle"], axis=1).max()
         rays["height"] = np.abs((starts - rays["middle"]) @ rays["along"]).max()
         rays["spread"] = np.linalg.norm(inwards[part] - rays["along"], axis=1).max()
-        # As far as `deepest` takes them.
+        # As in `deepest`.
         rays["reach"] = 2.0 * thickness[part].max()
     return out
 
 
 def _reach(geom: Geom) -> float:
-    """Return how far a geom is from the origin of its body's frame at most [m]."""
+    """Return an upper bound of a geom's distance from the origin of its body's frame [m]."""
     return float(np.linalg.norm(geom.position) + sum(geom.size))
 
 
-def _ends(geom: Geom, directions: Array) -> list[tuple[float, float]]:
-    """Return where a geom begins and ends along each direction [m]."""
+def _ranges(geom: Geom, directions: Array) -> list[tuple[float, float]]:
+    """Return the range of a geom along each direction [m]."""
     size, out = geom.size, []
     for direction in directions:
         x, y, z = np.abs(rotation_of(geom.quaternion).T @ direction)

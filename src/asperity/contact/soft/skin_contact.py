@@ -22,24 +22,24 @@ _IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 class SkinContact:
-    """A soft skin among other bodies.
+    """Contact of a soft skin with other bodies.
 
-    The energy is `U = sum a w(delta)` over the taxels, with a the area, delta how far the other
-    body's textured surface is inside the skin along a taxel's ray, and w the energy of the layer
-    per area, `K delta^2 / 2` up to half of its thickness (`soft.layer`). Force and torque are
+    The energy is `U = sum a w(delta)` over the taxels, with a the area, delta the compression, that
+    is the depth of the other body's textured surface along a taxel's ray, and w the energy of the
+    layer per area, `K delta^2 / 2` up to half of its thickness (`soft.layer`). Force and torque are
     minus its gradient. Friction, if the skin has any, is added: on each taxel
     `mu F / sqrt(v^2 + v0^2)` times the slip velocity v, with F the normal force and v0 = 5 mm/s.
-    It takes energy at any speed, and holds nothing at rest.
+    It dissipates energy at any speed; there is no static friction.
 
     Parameters
     ----------
     skin : SoftSkin
     bodies : sequence of Body
-        What it meets; meshes have to be closed.
+        The other bodies; meshes have to be closed.
     poses : sequence of (7,), optional
         Of the bodies' frames: position [m], unit quaternion wxyz. By default all are the world's.
     centre : (3,)
-        Point about which torques are, in the frame of the skin's body [m].
+        Reference point of torques, in the frame of the skin's body [m].
 
     Raises
     ------
@@ -71,12 +71,12 @@ class SkinContact:
         self._solids = solids_of(bodies, placed)
         self._friction = float(skin.friction)
         self.out = empty_output(len(skin.arrays.area))
-        """The last pose, a row a taxel."""
+        """Results of the last pose; rows are taxels."""
         self._pose, self._twist = np.zeros((3, 4)), np.zeros(6)
         self._press = Repeated(press)
 
     def place(self, poses: Sequence[ArrayLike]) -> None:
-        """Put the other bodies at other poses (7,), one for each."""
+        """Move the other bodies to new poses (7,), one for each."""
         fill_frames(self._solids, [require_pose(pose, "pose") for pose in poses])
 
     def wrench(
@@ -122,10 +122,10 @@ class SkinContact:
         return float(self.out.energy[0])
 
     def stiffness(self) -> Array:
-        """Return the stiffness of the last pose (6, 6), as Gauss and Newton take it.
+        """Return the stiffness of the last pose (6, 6), in the Gauss-Newton approximation.
 
         About the centre, world axes [N/m, N/rad; N, N m/rad]; positive semidefinite. The curvature
-        of the other surface, which can make it softer, is left out.
+        of the other surface, which can reduce it, is ignored.
         """
         return self.out.stiffness.copy()
 
@@ -135,7 +135,7 @@ class SkinContact:
 
     @property
     def compression(self) -> Array:
-        """How far each taxel is pressed in [m], (rows, columns)."""
+        """Compression of each taxel [m], (rows, columns)."""
         return self.skin.as_grid(self.out.compression)
 
     @property
@@ -145,7 +145,7 @@ class SkinContact:
 
     @property
     def shear(self) -> Array:
-        """Traction along columns and rows, across each taxel's ray [Pa], (rows, columns, 2)."""
+        """Traction along columns and rows, normal to each taxel's ray [Pa], (rows, columns, 2)."""
         return self.skin.as_grid(self.out.traction[:, 1:])
 
     @property
@@ -155,9 +155,9 @@ class SkinContact:
 
     @property
     def points(self) -> Array:
-        """Where each taxel's force acts [m], world axes, (rows, columns, 3); nan without taxel.
+        """Point of application of each taxel's force [m], world axes, (rows, columns, 3).
 
-        Of taxels without contact: where they lie.
+        For taxels without contact it is their own point; nan for cells without a taxel.
         """
         at_rest = self.skin.arrays.point @ self._pose[:, :3].T + self._pose[:, 3]
         is_pressed = (self.out.compression > 0.0)[:, None]
@@ -165,10 +165,10 @@ class SkinContact:
 
     @property
     def contact_area(self) -> float:
-        """Area of the taxels that are pressed [m^2]."""
+        """Area of the taxels in contact [m^2]."""
         return float(self.skin.arrays.area[self.out.compression > 0.0].sum())
 
     @property
     def stiffened(self) -> int:
-        """Number of taxels pressed beyond half of the thickness, where the layer stiffens."""
+        """Number of taxels compressed by more than half of the thickness."""
         return int(np.count_nonzero(self.out.compression > LINEAR * self.skin.arrays.thickness))

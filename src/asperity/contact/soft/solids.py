@@ -1,4 +1,4 @@
-"""Bodies as the flat arrays that the kernels of a skin work on."""
+"""Bodies as flat arrays for the kernels of a skin."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def solids_of(bodies: Sequence[Body], poses: Sequence[Array]) -> Solids:
 
 
 def require_bodies(what: str, bodies: Sequence[Body]) -> None:
-    """Raise `AsperityError` unless there is a sequence of one body at least."""
+    """Raise `AsperityError` unless there is a sequence of at least one body."""
     if not isinstance(bodies, Sequence):
         raise AsperityError(
             f"{what} meets a sequence of rigid bodies, got a {type(bodies).__name__}; valid: [Body]"
@@ -58,7 +58,7 @@ def require_bodies(what: str, bodies: Sequence[Body]) -> None:
 
 
 def refuse_property_maps(bodies: Sequence[Body]) -> None:
-    """Raise `AsperityError` for a map of friction or stiffness: where a skin is, its own count."""
+    """Raise `AsperityError` for a friction or stiffness map: those of the skin are used."""
     for body in bodies:
         if body.friction_maps:
             raise AsperityError(
@@ -89,7 +89,7 @@ def _reach(textures: PackedTextures, geometry: Geometry) -> NDArray[np.void]:
         if k < 0:
             continue
         found = textures.maps[k]
-        # Three maps are blended: their weights change along the surface, too.
+        # The blending weights of three maps change along the surface too.
         factors = {"triplanar": 2.0, "cylindrical": max(1.0, float(geometry.around[g]))}
         factor = factors.get(mapping, 1.0)
         slope = float(found["max_slope"]) * factor
@@ -101,18 +101,18 @@ def _reach(textures: PackedTextures, geometry: Geometry) -> NDArray[np.void]:
 
 
 def _bound(geometry: Geometry, reach: NDArray[np.void]) -> Array:
-    """Return the radius of a ball round each geom's middle [m]; infinite for planes."""
+    """Return the radius of each geom's bounding sphere [m]; infinite for planes."""
     kinds, sizes = (KINDS[kind] for kind in geometry.kind), geometry.size.tolist()
     out = np.array([
         np.inf if kind == "plane" else radius_around(kind, *size)
         for kind, size in zip(kinds, sizes, strict=True)
     ])  # fmt: skip
-    # The faces of a box go on until they meet: its corners are raised along three of them.
+    # Raised faces of a box extend until they intersect: its corners are raised by three of them.
     return out + np.sqrt(3.0) * reach["highest"]
 
 
 def _extent(geometry: Geometry, reach: NDArray[np.void]) -> Array:
-    """Return half sides of a box round each geom's textured surface [m], (geoms, 3)."""
+    """Return half sides of the bounding box of each geom's textured surface [m], (geoms, 3)."""
     out = np.array(geometry.size)
     for own, kind in zip(out, geometry.kind, strict=True):
         name = KINDS[kind]
@@ -125,7 +125,7 @@ def _extent(geometry: Geometry, reach: NDArray[np.void]) -> Array:
 
 
 def fill_frames(solids: Solids, poses: Sequence[Array]) -> list[Array]:
-    """Put the geoms of bodies where these are at poses (7,), one for each; return rotations."""
+    """Fill the frames of geoms from the poses (7,) of their bodies; return the rotations."""
     geometry, turns = solids.geometry, [rotation_of(pose[3:]) for pose in poses]
     for g, body in enumerate(geometry.body):
         solids.frames[g, :, :3] = turns[body] @ geometry.rotation[g]

@@ -1,8 +1,8 @@
 """Sums over the taxels in contact: wrench, stiffness, damping and energy.
 
 A taxel's compression changes by `-J . motion`, J = (m, r x m), so its stiffness is `p' a J J^T`.
-Friction acts across m. With q, friction over slip velocity, its damping is that in all directions
-less that along m,
+Friction is perpendicular to m. With q, friction over slip velocity, its damping is that in all
+directions minus that along m,
 
     q (sum over axes e of E E^T) - q / m^2 J J^T,    E = (e, r x e).
 
@@ -28,7 +28,7 @@ SLIP_SPEED = 5e-3
 
 @by_reference
 class SkinOutput(NamedTuple):
-    """What is computed at a pose; rows are taxels."""
+    """Results at a pose; rows are taxels."""
 
     compression: Array
     """[m], (n,)"""
@@ -37,12 +37,12 @@ class SkinOutput(NamedTuple):
     force: Array
     """[N], world axes, (n, 3)."""
     point: Array
-    """Where the force acts [m], world axes, (n, 3); only of taxels in contact."""
+    """Point of application of the force [m], world axes, (n, 3); valid for taxels in contact."""
     pressed: Indices
-    """Numbers of the taxels in contact, and as the last entry how many there are, (n + 1,)."""
+    """Numbers of the taxels in contact; the last entry is their count, (n + 1,)."""
     push: Array
-    """Sum of the forces' sizes [N], of these times their places [N m], the largest compression [m],
-    and the largest one over the layer's thickness there [-], (6,)."""
+    """Sum of the forces' magnitudes [N], of these times their points [N m], the largest compression
+    [m] and the largest strain [-], (6,)."""
     wrench: Array
     """(6,) [N, N m]"""
     stiffness: Array
@@ -50,7 +50,7 @@ class SkinOutput(NamedTuple):
     damping: Array
     """(6, 6)"""
     damped: Array
-    """Part of the wrench that is friction, (6,)."""
+    """Friction's part of the wrench, (6,)."""
     energy: Array
     """U [J], (1,)."""
     drag: Array
@@ -58,7 +58,7 @@ class SkinOutput(NamedTuple):
 
 
 def empty_output(taxels: int) -> SkinOutput:
-    """Allocate room for what is computed of a number of taxels."""
+    """Allocate the results of a number of taxels."""
     n = taxels
     return SkinOutput(
         np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
@@ -69,7 +69,7 @@ def empty_output(taxels: int) -> SkinOutput:
 
 @inner_kernel
 def take_across(slip, m, most):
-    """Leave of a slip velocity (3,) what is across m; return friction over it [N s/m].
+    """Project a slip velocity (3,) perpendicular to m; return friction over it [N s/m].
 
     `most` is the coefficient times p a [N].
     """
@@ -92,7 +92,7 @@ def _add_square(jacobian, share, matrix_out):
 
 
 @inner_kernel
-def _drag_of(most, m, arm, twist, slip):
+def _friction_damping(most, m, arm, twist, slip):
     """Return the friction of a taxel over its slip velocity [N s/m]; fill that velocity (3,)."""
     rx, ry, rz = arm
     slip[0] = twist[0] + twist[4] * rz - twist[5] * ry
@@ -120,9 +120,9 @@ def _add_drag(drag, arm, sums_out):
 
 @inner_kernel
 def add_taxel(t, taxels, friction, pose, origin, m, twist, out):
-    """Add the pressure and friction of a taxel that is pressed in; return its energy [J].
+    """Add the pressure and friction of a taxel in contact; return its energy [J].
 
-    `origin` (3,) is the point about which torques are, world axes.
+    `origin` (3,) is the reference point of torques, world axes.
     """
     jacobian, slip = stack_array((6,)), stack_array((3,))
     area = taxels.area[t]
@@ -141,7 +141,7 @@ def add_taxel(t, taxels, friction, pose, origin, m, twist, out):
     _add_square(jacobian, slope * area, out.stiffness)
     fx, fy, fz = push * m[0], push * m[1], push * m[2]
     if friction > 0.0:
-        drag = _drag_of(friction * push, m, (rx, ry, rz), twist, slip)
+        drag = _friction_damping(friction * push, m, (rx, ry, rz), twist, slip)
         sx, sy, sz = -drag * slip[0], -drag * slip[1], -drag * slip[2]
         fx, fy, fz = fx + sx, fy + sy, fz + sz
         out.damped[0] += sx
@@ -188,7 +188,7 @@ def clear_sums(out):
 
 @inner_kernel
 def complete_sums(out):
-    """Add friction to the wrench, and its part in all directions to the damping; mirror both."""
+    """Add friction to the wrench, its isotropic part to the damping; symmetrise both matrices."""
     drag, damping = out.drag, out.damping
     xx, yy, zz = drag[4], drag[6], drag[9]
     for i in range(3):

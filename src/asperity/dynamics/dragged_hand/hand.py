@@ -43,13 +43,13 @@ from asperity.geometry.offsets.piecewise import PiecewiseCubic
 
 _LEAST_STEPS = 64
 _RECORDED_STEPS = 256
-"""Least number of recorded samples a period: a spectrum needs more than the integration."""
+"""Smallest number of recorded samples per period: a spectrum needs more than the integration."""
 _RECORDED_RATE = 5000.0
-"""Least rate of a record [Hz]: ten times the highest frequency that people feel."""
+"""Smallest rate of a record [Hz]: ten times the highest frequency that people feel."""
 _LONG_PERIOD = 3.0
 """Period, in time constants of the hand, from which on plain iteration converges fast enough."""
-_STEPS_A_RADIAN = 8
-"""Least number of steps a radian of the hand's fastest free motion, however slow the drive."""
+_STEPS_PER_RADIAN = 8
+"""Smallest number of steps per radian of the hand's fastest free motion, at any drive speed."""
 _LONGEST_RUN = 25.0
 """Time constants of the hand after which a motion that has not repeated counts as aperiodic."""
 
@@ -181,7 +181,7 @@ def drag(
         require_not_negative("settle", settle, "[s]")
         require_positive("length", length, "[m]")
     period = force.period
-    swift = _STEPS_A_RADIAN * hand.fastest * period / speed
+    swift = _STEPS_PER_RADIAN * hand.fastest * period / speed
     steps = max(math.ceil(refine * max(_LEAST_STEPS, force.edges.size - 1, swift)), 8)
     step = period / speed / steps
     finer = math.ceil(max(_RECORDED_STEPS, period / speed * _RECORDED_RATE) / steps)

@@ -67,21 +67,21 @@ def force_table(edges, coefficients, jumps):
     period = edges[n]
     first = np.searchsorted(edges, jumps[0]) if jumps.size > 0 else 0
     origin = edges[first]
-    laid, powers = np.empty(n + 1), np.empty((n, 4))
+    shifted, powers = np.empty(n + 1), np.empty((n, 4))
     for k in range(n):
         i = (first + k) % n
-        laid[k] = edges[i] - origin if i >= first else edges[i] + period - origin
+        shifted[k] = edges[i] - origin if i >= first else edges[i] + period - origin
         width, scale = edges[i + 1] - edges[i], 1.0
         for power in range(4):
             powers[k, power] = coefficients[i, power] * scale
             scale /= width
-    laid[n] = period
+    shifted[n] = period
     ends, firsts = np.empty(jumps.size + 1), np.empty(jumps.size + 1, dtype=np.int64)
     for k in range(jumps.size):
         ends[k] = jumps[k] - origin
-        firsts[k] = np.searchsorted(laid, ends[k])
+        firsts[k] = np.searchsorted(shifted, ends[k])
     ends[jumps.size], firsts[jumps.size] = period, n
-    return ForceTable(laid, powers, ends, firsts)
+    return ForceTable(shifted, powers, ends, firsts)
 
 
 @inner_kernel
@@ -99,7 +99,7 @@ def _interval_at(table, place, interval, segment):
 
 
 @kernel
-def _inside(table, place, segment):
+def _clamp_or_wrap(table, place, segment):
     """Return `place` clamped to its segment, or wrapped into the period if there are no jumps."""
     if table.jumps.size > 1:
         return min(max(place, table.jumps[segment]), table.jumps[segment + 1])
@@ -112,7 +112,7 @@ def _inside(table, place, segment):
 @kernel
 def _force(table, place, interval, segment):
     """Return (F_u, interval) at `place` on a segment, whose end values extend beyond it."""
-    place = _inside(table, place, segment)
+    place = _clamp_or_wrap(table, place, segment)
     i = _interval_at(table, place, interval, segment)
     x = place - table.edges[i]
     c = table.powers
@@ -163,7 +163,7 @@ def acceleration_and_jerk(motion, table, model):
     """Return u'' and u''' of a motion on its segment."""
     state = motion[0]
     segment = state.segment
-    place = _inside(table, state.position, segment)
+    place = _clamp_or_wrap(table, state.position, segment)
     i = _interval_at(table, place, state.interval, segment)
     x, c = place - table.edges[i], table.powers
     force = c[i, 0] + x * (c[i, 1] + x * (c[i, 2] + x * c[i, 3]))
@@ -273,8 +273,8 @@ def _wait_in_notch(motion, remaining, model):
 
 
 @inner_kernel
-def _note_extremes(extremes, a0, a1, jerk0, jerk1, step):
-    """Widen (smallest, largest) by u'' over a smooth step, a cubic from the values at its ends."""
+def _widen_extremes(extremes, a0, a1, jerk0, jerk1, step):
+    """Widen (smallest, largest) by u'' over a smooth step, interpolated by a cubic."""
     extremes[0] = min(extremes[0], a0, a1)
     extremes[1] = max(extremes[1], a0, a1)
     j0, j1 = jerk0 * step, jerk1 * step
@@ -312,7 +312,7 @@ def advance(motion, step, table, model, extremes, watch):
         if not math.isnan(state.hold):
             remaining = _wait_in_notch(motion, remaining, model)
             if watch:
-                _note_extremes(extremes, 0.0, 0.0, 0.0, 0.0, 0.0)
+                _widen_extremes(extremes, 0.0, 0.0, 0.0, 0.0, 0.0)
             if remaining <= 0.0:
                 return
         if watch:
@@ -332,7 +332,7 @@ def advance(motion, step, table, model, extremes, watch):
         remaining -= taken
         if watch:
             a1, j1 = acceleration_and_jerk(motion, table, model)
-            _note_extremes(extremes, a0, a1, j0, j1, taken)
+            _widen_extremes(extremes, a0, a1, j0, j1, taken)
         if arrived:
             if not bounded:
                 wraps = math.floor(state.position / table.jumps[0])

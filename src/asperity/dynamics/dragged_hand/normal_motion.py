@@ -30,11 +30,11 @@ from asperity.errors import AsperityError, require_not_negative, require_positiv
 
 _BISECTIONS = 50
 _MAX_EVENTS = 16
-"""Most changes between contact and flight in one step; further ones wait for the next step."""
-_STEPS_A_RADIAN = 20
-"""Least number of steps a radian of the fastest free motion."""
-_STEPS_A_SAMPLE = 2
-"""Least number of steps for each sample of the surface."""
+"""Largest number of changes between contact and flight in one step; others are left to the next."""
+_STEPS_PER_RADIAN = 20
+"""Smallest number of steps per radian of the fastest free motion."""
+_STEPS_PER_SAMPLE = 2
+"""Smallest number of steps per sample of the surface."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def _surface(u, period, path):
 
 @inner_kernel
 def _fill_rates(time, state, touches, model, path, rates_out):
-    """Fill the rates of (u, u', z, z') in one regime; return the force of contact."""
+    """Fill the rates of (u, u', z, z') in one regime; return the contact force."""
     m, k, b, v, m_n, k_n, b_n, k_c, force, middle, period = model
     height, slope = _surface(state[0], period, path)
     contact = k_c * (height - state[2]) if touches else 0.0
@@ -117,7 +117,7 @@ def _runge_kutta(time, step, state, touches, model, path, work, state_out):
 
 @kernel
 def _gap(state, model, path):
-    """Return how far the probe is above the surface [m]."""
+    """Return the gap between probe and surface [m], negative in contact."""
     height, _ = _surface(state[0], model[10], path)
     return state[2] - height
 
@@ -131,11 +131,11 @@ def run_lifting(model, path, step, settle, every, record_out):
     model : (11,) array
         m, k, b, v, m_n, k_n, b_n, k_c, F_n, z_0, and the period of the surface.
     path : (n, 2) array
-        Heights and slopes of the offset surface at equal places of one period [m], [1].
+        Heights and slopes of the offset surface at equally spaced positions of a period [m], [1].
     step : float
         [s]
     settle, every : int
-        Steps before the record, and a sample.
+        Steps before the record, and per sample.
     record_out : (samples, 5) array
     """
     state, after, work = np.empty(4), np.empty(4), np.empty((5, 4))
@@ -191,7 +191,7 @@ def drag_lifting(
     Parameters
     ----------
     heights, slopes : (n,) arrays
-        Of the offset surface at n equal places of one period [m], [1], as a tracer gives them.
+        Of the offset surface at n equally spaced positions of a period [m], [1], from a tracer.
     period : float
         [m]
     hand : Hand
@@ -229,7 +229,7 @@ def drag_lifting(
         probe.damping / probe.mass,
     )  # fmt: skip
     finest = min(
-        1.0 / (_STEPS_A_RADIAN * fastest), period / heights.size / speed / _STEPS_A_SAMPLE,
+        1.0 / (_STEPS_PER_RADIAN * fastest), period / heights.size / speed / _STEPS_PER_SAMPLE,
         1.0 / rate,
     )  # fmt: skip
     every = math.ceil(1.0 / rate / finest)

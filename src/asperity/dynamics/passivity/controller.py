@@ -10,8 +10,8 @@ hand does the work `-w . d`. Summed from the beginning,
 
 which is exact for a device that holds the wrench it was sent. The port is passive if E >= 0 at all
 times. The work of translations and of rotations is recorded separately, but only the sum is kept
-from becoming negative: a tool that is pressed by moving and yields by rotating carries energy from
-one to the other, and separate limits would oppose it continuously.
+from becoming negative: a tool that is pressed by translation and gives way by rotation transfers
+energy between the two, and separate limits would oppose it continuously.
 
 *Controller* (Hannaford & Ryu, *Time-domain passivity control of haptic interfaces*, 2002): two
 variable dampers `-alpha v`, one for translation and one for rotation, are added to the wrench. This
@@ -122,7 +122,7 @@ class PassivityController:
 
     @property
     def energy(self) -> float:
-        """E: energy that was granted or put in by the hand, less what it has received [J]."""
+        """E: energy granted or put in by the hand, minus the energy it has received [J]."""
         return float(self._account["energy"])
 
     @property
@@ -218,7 +218,7 @@ class PassivityController:
         stored in it. Without this, the account would never cover it. NaN: there is no potential.
         """
         account = self._account
-        self._give(stored - self.energy)
+        self._credit(stored - self.energy)
         if stored >= 0.0:
             account["owed"] = account["stored"] = stored
         account["unsent"][:] = 0.0
@@ -231,10 +231,10 @@ class PassivityController:
         without doing work for it, and the account stays empty however even the loop has become.
         So what is lacking is forgiven with the time constant `FORGIVING`.
         """
-        self._give((held - self.energy) * min(seconds / FORGIVING, 1.0))
+        self._credit((held - self.energy) * min(seconds / FORGIVING, 1.0))
 
-    def _give(self, lacking: float) -> None:
-        """Grant an energy [J] that the account lacks; nothing if that is not above 0, or NaN."""
+    def _credit(self, lacking: float) -> None:
+        """Grant an energy [J] if it is above 0."""
         if lacking > 0.0:
             self._account["granted"] += lacking
             self._account["energy"] += lacking

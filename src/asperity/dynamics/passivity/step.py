@@ -25,7 +25,7 @@ ACCOUNT = np.dtype(
         ("predicted", "f8", (6,)),  # velocity assumed for the coming tick [m/s, rad/s]
         ("stored", "f8"),  # potential of the contacts at the last tick [J]; NaN: not known
         ("owed", "f8"),  # the part of it that the port may give back [J]
-        ("unsent", "f8", (6,)),  # the last wrench less what limits made of it [N, N m]
+        ("unsent", "f8", (6,)),  # the part of the last wrench that limits removed [N, N m]
         ("last_way", "f8", (6,)),  # displacement over the tick before the last [m, rad]
     ],
     align=True,
@@ -34,7 +34,7 @@ ACCOUNT = np.dtype(
 _REST, _ANGULAR_REST = 1e-6, 1e-5
 """Speeds below these count as rest: [m/s], [rad/s]."""
 _IMPLAUSIBLE = 1e6
-"""Sum of magnitudes, or speed, from which on an input is rejected."""
+"""Sum of magnitudes, or speed, at and above which an input is rejected."""
 
 
 class PortMotion(NamedTuple):
@@ -89,7 +89,7 @@ def passive_step(wrench, motion, dt, is_active, terms, state, wrench_out):
         wrench_out[i] = wrench[i]
         total += abs(wrench[i]) + abs(twist[i])
     if not total < _IMPLAUSIBLE:
-        # NaN or absurd: the tick is left out, so that it cannot spoil the account for good.
+        # NaN or implausible: the tick is ignored, as it would corrupt the account permanently.
         clear(account.added)
         clear(account.held)
         return
@@ -116,17 +116,17 @@ def passive_step(wrench, motion, dt, is_active, terms, state, wrench_out):
 
 @inner_kernel
 def _follow_potential(motion, account):
-    """Update `owed` by the change of the potential, less the part that limits did not render.
+    """Update `owed` by the change of the potential, without the part that limits removed.
 
-    The unrendered work is integrated by the trapezoidal rule, half a tick late.
+    The work of that part is integrated by the trapezoidal rule, half a tick late.
     """
     change = 0.0
     if abs(motion.stored) < _IMPLAUSIBLE and abs(account.stored) < _IMPLAUSIBLE:
         change = motion.stored - account.stored
     for i in range(6):
-        way = motion.twist[i] * motion.passed
-        change += 0.5 * account.unsent[i] * (way + account.last_way[i])
-        account.last_way[i] = way
+        displacement = motion.twist[i] * motion.passed
+        change += 0.5 * account.unsent[i] * (displacement + account.last_way[i])
+        account.last_way[i] = displacement
         account.unsent[i] = 0.0
     account.stored = motion.stored
     # Comparisons with NaN are false: without a potential nothing is owed.
@@ -136,7 +136,7 @@ def _follow_potential(motion, account):
 
 @inner_kernel
 def _correct(twist, dt, terms, account, wrench_out):
-    """Damp the wrench so that the account stays in credit, and follows the potential."""
+    """Damp the wrench so that the energy stays above zero and follows the potential."""
     predicted = account.predicted
     last, energy = account.last_twist, account.energy
     power, square = _predict(twist, last, wrench_out, dt / terms.mass, 0, _REST, predicted)
@@ -160,7 +160,7 @@ def _correct(twist, dt, terms, account, wrench_out):
 
 @inner_kernel
 def _pay_back(debt, twist, dt, terms, wrench_out):
-    """Pay a debt [J] by bounded damping; return whether the hand moves, so that there is any."""
+    """Pay back a debt [J] by bounded damping; return False if the hand is at rest."""
     paid = terms.max_damping * _square_speed(twist, 0, _REST)
     angular_paid = terms.max_rotational_damping * _square_speed(twist, 3, _ANGULAR_REST)
     if paid + angular_paid == 0.0:

@@ -139,14 +139,14 @@ class SimulatedHand:
 
     def _make_model(self, damping: float) -> HandModel:
         settings, hand = self.settings, self.settings.hand
-        across = settings.along_normal or hand
-        self._press_stiffness = across.stiffness
+        normal_hand = settings.along_normal or hand
+        self._press_stiffness = normal_hand.stiffness
         normal = np.array(settings.normal, dtype=np.float64)
         tangential, pressing, rotational = (
             np.array(transition(*values, self.dt)).reshape(2, 3)
             for values in (
                 (hand.mass, hand.damping + damping, hand.stiffness),
-                (across.mass, across.damping + damping, across.stiffness),
+                (normal_hand.mass, normal_hand.damping + damping, normal_hand.stiffness),
                 (settings.moment, settings.rotational_damping, settings.rotational_stiffness),
             )
         )
@@ -227,8 +227,8 @@ class SimulatedHand:
             return
         rate = (wanted - normal_force) / self._press_stiffness
         self.offset += rate * (self.dt / self.settings.press_time)
-        most = MAX_OFFSET + wanted / self._press_stiffness
-        self.offset = min(max(self.offset, 0.0), most)
+        limit = MAX_OFFSET + wanted / self._press_stiffness
+        self.offset = min(max(self.offset, 0.0), limit)
 
     def _centre_of(self, pose: Array) -> Array:
         return centre_of_mass(pose, self.centre)

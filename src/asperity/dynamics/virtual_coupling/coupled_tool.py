@@ -51,7 +51,7 @@ _SCHEMES = {
     "static": Scheme(has_mass=False, is_implicit=True),
 }
 MOST_STEPS, SETTLED = 100, 1e-9
-"""Most steps in which a tool is put at rest, and the step [m] that ends that."""
+"""Largest number of steps of `settle`, and the displacement per step [m] below which it ends."""
 REACH = 0.1
 """Largest distance between tool and handle [m]; beyond it the tool is re-attached.
 
@@ -110,7 +110,7 @@ class CoupledTool:
         self._handle = HandleMotion(np.zeros(7), np.zeros(6))
         self._last_handle = np.zeros(7)
         self._wall, self._walls = no_wall(), no_walls()
-        self._known: LinearContact | None = None
+        self._last_contact: LinearContact | None = None
         self._workspace = workspace()
         self._wrench, self._twist = np.zeros(6), np.zeros(6)
         self._potential = math.nan
@@ -131,8 +131,8 @@ class CoupledTool:
         self.pose[:] = pose
         self._motion.momentum[:] = 0.0
         self._motion.velocity[:] = 0.0
-        self._walls.knows[:] = False
-        self._known = None
+        self._walls.is_known[:] = False
+        self._last_contact = None
 
     @property
     def twist(self) -> Array:
@@ -181,7 +181,7 @@ class CoupledTool:
         coupling = Coupling(self.body, free, _SCHEMES["static"], self.dt)
         self._handle.pose[:], self._handle.twist[:] = handle_pose, 0.0
         for _ in range(MOST_STEPS):
-            self._take(contact)
+            self._learn_contact(contact)
             last = self.pose.copy()
             coupled_step(
                 coupling, self._motion, self._handle, self._walls, self._workspace, self._wrench
@@ -219,7 +219,7 @@ class CoupledTool:
         handle_twist : (6,) array
             Velocity of the handle: of the frame's origin [m/s], angular [rad/s]; world axes.
         contact : LinearContact
-            The latest contact known of this tool; it may be some ticks old.
+            The latest contact of this tool; it may be some ticks old.
 
         Returns
         -------
@@ -238,7 +238,7 @@ class CoupledTool:
                 energy = self._fill_contact_wrench()
             self._potential = energy if contact.is_gradient else math.nan
             return self._wrench
-        self._take(contact)
+        self._learn_contact(contact)
         self._handle.pose[:], self._handle.twist[:] = handle_pose, handle_twist
         is_sound = self._step(
             self._coupling, self._motion, self._handle, self._walls, self._workspace, self._wrench
@@ -258,10 +258,10 @@ class CoupledTool:
             )
         )
 
-    def _take(self, contact: LinearContact) -> None:
-        """Remember a contact, unless it is the one that is known."""
-        if contact is not self._known:
-            self._known = contact
+    def _learn_contact(self, contact: LinearContact) -> None:
+        """Make a contact the latest wall, unless it is already."""
+        if contact is not self._last_contact:
+            self._last_contact = contact
             self._copy(contact)
             self._learn_wall(self._wall, self.body.centre, self._walls, self._workspace)
 

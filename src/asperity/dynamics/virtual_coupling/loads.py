@@ -21,31 +21,33 @@ def fill_coupling(coupling, pose, handle, workspace):
     """Fill the coupling's extension, spring and damper, and the velocity of the handle.
 
     The velocity is that of the handle's body at the tool's centre of mass, limited to `MAX_SPEED`
-    and `MAX_ANGULAR_SPEED`. Where the spring would exceed its largest force or torque, it has the
-    stiffness with which it just gives that, and the damper that remains critical with it.
+    and `MAX_ANGULAR_SPEED`. Where the spring would exceed its largest force or torque, its
+    stiffness is reduced to give just that, and the damper with it, so that it remains critical.
     """
     body, gains = coupling.body, coupling.gains
     extension = workspace.extension
     fill_displacement(pose, handle.pose, body.centre, workspace.vector, extension)
     _fill_handle_velocity(pose, body.centre, handle, workspace)
     fill_world_tensor(workspace.rotation, body.axes, gains.rotational_damping, workspace.tensor)
-    softer = _saturation(gains.stiffness, extension, 0, gains.max_force)
-    turned = _saturation(gains.rotational_stiffness, extension, 3, LEVER * gains.max_force)
+    share = _saturation(gains.stiffness, extension, 0, gains.max_force)
+    rotational_share = _saturation(
+        gains.rotational_stiffness, extension, 3, LEVER * gains.max_force
+    )
     damper = workspace.damper
     for i in range(6):
         for j in range(6):
             damper[i, j] = 0.0
     for i in range(3):
-        workspace.spring[i] = softer * gains.stiffness
-        workspace.spring[3 + i] = turned * gains.rotational_stiffness
-        damper[i, i] = math.sqrt(softer) * gains.damping
+        workspace.spring[i] = share * gains.stiffness
+        workspace.spring[3 + i] = rotational_share * gains.rotational_stiffness
+        damper[i, i] = math.sqrt(share) * gains.damping
         for j in range(3):
-            damper[3 + i, 3 + j] = math.sqrt(turned) * workspace.tensor[i, j]
+            damper[3 + i, 3 + j] = math.sqrt(rotational_share) * workspace.tensor[i, j]
 
 
 @inner_kernel
 def _saturation(stiffness, extension, first, most):
-    """Return the share of a stiffness that gives at most `most` at an extension."""
+    """Return the largest share of a stiffness, up to 1, whose load does not exceed `most`."""
     square = 0.0
     for i in range(first, first + 3):
         square += extension[i] ** 2
@@ -92,7 +94,7 @@ def fill_port_twist(last_handle, handle, pose, centre, dt, vector, twist_out):
     scratch memory.
     """
     fill_displacement(last_handle, handle, centre, vector, twist_out)
-    # From the centre of mass, had the tool followed the handle exactly, to where it is.
+    # From where the centre of mass would be, had the tool followed the handle exactly.
     fill_lever_arm(handle, centre, vector)
     x, y, z = handle[0] + vector[0], handle[1] + vector[1], handle[2] + vector[2]
     fill_lever_arm(pose, centre, vector)

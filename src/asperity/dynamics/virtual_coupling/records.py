@@ -83,12 +83,12 @@ class ContactWall(NamedTuple):
 
 @by_reference
 class Walls(NamedTuple):
-    """The walls that a tool knows; see `virtual_coupling.walls`."""
+    """The walls of a tool; see `virtual_coupling.walls`."""
 
     latest: ContactWall
     other: ContactWall
-    knows: Array
-    """Whether there is a latest and an other one (2,) of bool."""
+    is_known: Array
+    """Whether there is a latest one, and another one (2,) of bool."""
 
 
 @by_reference
@@ -115,12 +115,12 @@ class IntegratorWorkspace(NamedTuple):
     """Velocity of the handle at the tool's centre of mass (6,)."""
     velocity: Array
     """Velocity of the tool at the beginning of the tick (6,), where the scheme needs it."""
-    left: Array
-    """How far a tool without mass remains behind its handle after the tick (6,)."""
+    lag: Array
+    """Displacement from a tool without mass to its handle after the tick (6,)."""
     step: Array
     """Displacement of the tool in this tick (6,)."""
     spring: Array
-    """Stiffness of the coupling, thrice in translation and thrice in rotation (6,)."""
+    """Stiffness of the coupling: translation (three times), rotation (three times) (6,)."""
     damper: Array
     """Damping of the coupling in world axes (6, 6)."""
     inertia: Array
@@ -151,7 +151,7 @@ def _no_load() -> Load:
 
 
 def no_walls() -> Walls:
-    """Return the walls of a tool that has touched nothing."""
+    """Return the walls of a tool that has had no contact."""
     return Walls(no_wall(), no_wall(), np.zeros(2, np.bool_))
 
 

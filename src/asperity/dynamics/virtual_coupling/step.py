@@ -13,16 +13,16 @@ rendering algorithm for stable and transparent 6-DoF manipulation*, 2006). The t
   conditionally stable: `(K dt^2 + 2 B dt) / m < 4`;
 - *static*: without M. Tool and coupling balance the contact at all times, and in free space the
   hand feels no force (Barbic & James, *Six-DoF haptic rendering of contact between geometrically
-  complex reduced deformable models*, 2008). The damper keeps the tool from leaping between walls.
+  complex reduced deformable models*, 2008). The damper keeps the tool from jumping between walls.
 
 In all of them the contact is implicit. C and D are positive semidefinite, so that the matrix is
-positive definite and the step bounded however stiff the contact, and D takes energy. If the contact
+positive definite, the step bounded however stiff the contact, and D dissipative. If the contact
 would pull at the end of the step, the tool has left it, and the step is repeated without contact.
 
-*Two walls.* In a groove the depth is that of the one or the other wall, and a step that knows only
-the wall of the last tick goes through the other one: the tool would leap to and fro for ever. So
-the last wall of another direction is remembered (`walls`), and the step minimises the larger of
-both energies: with the share of each wall for which, after the step, they are equal.
+*Two walls.* In a groove the deepest contact alternates between the two walls. A step that uses only
+the wall of the last tick passes through the other one, and the tool oscillates without end. So the
+last wall in another direction is kept (`walls`), and the step minimises the larger of both
+energies: the walls are weighted so that, after the step, the energies are equal.
 """
 
 from __future__ import annotations
@@ -40,16 +40,15 @@ from asperity.geometry.rigid_body import (
 )
 
 RETURN = 0.05
-"""Fastest that a tool without mass returns to a handle that it was held back from, relative to it
-[m/s].
+"""Largest speed, relative to the handle, at which a tool without mass returns to it [m/s].
 
-A project default: where a contact ends in the midst of a push, the tool must not go through the
-surface in one tick.
+A project default: if a contact ends during a push, the tool must not pass through the surface in
+one tick.
 """
 CATCHING_UP = 0.02
-"""Time constant of its return where it is far behind [s]; a project default."""
+"""Time constant of the return from far away [s]; a project default."""
 _HALVINGS = 6
-"""Of the interval of shares in which that of equal energies lies."""
+"""Bisection steps for the weight at which both walls have equal energies."""
 
 
 @kernel
@@ -57,8 +56,8 @@ def coupled_step(coupling, tool, handle, walls, workspace, wrench_out):
     """Advance a coupled tool by one tick; see `virtual_coupling.records` for the arguments."""
     body = coupling.body
     pose, momentum, velocity = tool
-    fill_load(pose, body.centre, walls.latest, walls.knows[0], workspace, workspace.latest)
-    fill_load(pose, body.centre, walls.other, walls.knows[1], workspace, workspace.other)
+    fill_load(pose, body.centre, walls.latest, walls.is_known[0], workspace, workspace.latest)
+    fill_load(pose, body.centre, walls.other, walls.is_known[1], workspace, workspace.other)
     fill_rotation(pose, workspace.rotation)
     fill_coupling(coupling, pose, handle, workspace)
     _fill_inertia(body, coupling.scheme, workspace)
@@ -124,9 +123,9 @@ def _fill_free_velocity(momentum, workspace):
 
 @inner_kernel
 def _solve(coupling, momentum, walls, share, workspace, velocity_out):
-    """Fill the velocity (6,) at the end of the tick, with shares of the latest and other wall.
+    """Fill the velocity (6,) at the end of the tick, with the latest wall weighted by `share`.
 
-    Return whether the matrix was positive definite.
+    The other wall has the weight `1 - share`. Return whether the matrix was positive definite.
     """
     latest = share if workspace.latest.acts[0] else 0.0
     other = 1.0 - share if workspace.other.acts[0] else 0.0
@@ -184,16 +183,16 @@ def _would_pull(coupling, walls, latest, other, workspace, velocity):
 
 @inner_kernel
 def _fill_return(dt, workspace, velocity_out):
-    """Fill the velocity (6,) with which a tool without mass and contact goes to its handle."""
-    behind, carried = 0.0, workspace.handle_velocity
+    """Fill the velocity (6,) at which a tool without mass and contact returns to its handle."""
+    square, handle = 0.0, workspace.handle_velocity
     for i in range(3):
-        behind += (workspace.extension[i] / dt - carried[i]) ** 2
-    speed = math.sqrt(behind)
+        square += (workspace.extension[i] / dt - handle[i]) ** 2
+    speed = math.sqrt(square)
     share = min(1.0, RETURN / speed + dt / CATCHING_UP) if speed > 0.0 else 1.0
     for i in range(6):
-        lack = workspace.extension[i] / dt - carried[i]
-        velocity_out[i] = carried[i] + share * lack
-        workspace.left[i] = dt * (1.0 - share) * lack
+        approach = workspace.extension[i] / dt - handle[i]
+        velocity_out[i] = handle[i] + share * approach
+        workspace.lag[i] = dt * (1.0 - share) * approach
 
 
 @inner_kernel
@@ -202,8 +201,8 @@ def _fill_wrench(coupling, workspace, velocity, wrench_out):
     scheme, dt = coupling.scheme, coupling.dt
     damper, handle = workspace.damper, workspace.handle_velocity
     for i in range(6):
-        # Without mass and contact only that which it is behind by holds a tool back.
-        pull = workspace.spring[i] * workspace.left[i]
+        # Without mass and contact only the remaining lag loads the spring.
+        pull = workspace.spring[i] * workspace.lag[i]
         if scheme.has_mass or workspace.held[0]:
             pull = workspace.spring[i] * workspace.extension[i]
             if scheme.is_implicit:

@@ -1,13 +1,13 @@
-r"""The walls that a coupled tool knows: its latest contact, and the last of another direction.
+r"""The walls of a coupled tool: its latest contact, and the last one in another direction.
 
-Each is a model of the contact's energy about the pose of its query,
+Each is a quadratic model of the contact's energy about the pose of its query,
 
     U(d) = U_0 - F . d + 1/2 d . C d,
 
-0 where its force would reverse. The depth of a contact is a maximum, so that the true energy is the
-larger of both as long as the surface is hollow. Over a ridge it is not: there the other wall, taken
-on to the tool's pose, has more energy than the contact found, and is forgotten. So it is far away
-from its query, and after two ticks without contact.
+and 0 where its force would reverse. The depth of a contact is a maximum, so where the surface is
+concave the true energy is the larger of the two. Over a ridge the other wall overestimates it: it
+is dropped if its energy, extrapolated to the tool's pose, exceeds that of the contact found there.
+It is also dropped far from the pose of its query, and after two ticks without contact.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from asperity._core.kernels import inner_kernel, kernel
 from asperity.geometry.rigid_body import fill_displacement
 
 SAME = 0.999
-"""Cosine between two forces from which on they count as of one wall; a project default."""
+"""Two forces whose directions have at least this cosine belong to one wall; a project default."""
 FAR, LEVER = 1e-3, 0.05
-"""Way from a wall's query at which it is forgotten [m], and the length that converts rotations to
-ways [m]; project defaults."""
+"""Displacement from its query at which a wall is dropped [m], and the lever arm that converts
+rotations to displacements [m]; project defaults."""
 
 
 @inner_kernel
 def fill_load(pose, centre, wall, is_known, workspace, load_out):
-    """Take a wall on to the tool's pose (7,): its force at rest, and its energy.
+    """Extrapolate a wall to the tool's pose (7,): its force on a tool at rest, and its energy.
 
-    A contact pushes and cannot pull: where its force points the other way, it does not act.
+    A contact cannot pull: where its force has reversed, it does not act.
     """
     fill_displacement(wall.pose, pose, centre, workspace.vector, workspace.moved)
     wrench, moved = load_out.wrench, workspace.moved
@@ -64,7 +64,7 @@ def energy_after(wall, load, velocity, dt):
 @kernel
 def learn_wall(new, centre, walls, workspace):
     """Make a new contact the latest wall, and keep or replace the other one."""
-    latest, other, knows = walls.latest, walls.other, walls.knows
+    latest, other, is_known = walls.latest, walls.other, walls.is_known
     along = square = size = 0.0
     for i in range(3):
         now, before = new.wrench[i] - new.damped[i], latest.wrench[i] - latest.damped[i]
@@ -72,25 +72,25 @@ def learn_wall(new, centre, walls, workspace):
         square += before * before
         size += now * now
     if size == 0.0:
-        # Between two walls the tool may be free for a tick, but not for longer.
-        if knows[0]:
+        # Between two walls the tool may be free for one tick; after two, no wall is kept.
+        if is_known[0]:
             _copy(latest, other)
-        knows[1], knows[0] = knows[0], False
+        is_known[1], is_known[0] = is_known[0], False
     else:
-        if knows[0] and along < SAME * math.sqrt(square * size):
+        if is_known[0] and along < SAME * math.sqrt(square * size):
             _copy(latest, other)
-            knows[1] = True
-        knows[0] = True
+            is_known[1] = True
+        is_known[0] = True
     _copy(new, latest)
-    if knows[1]:
+    if is_known[1]:
         fill_load(new.pose, centre, other, True, workspace, workspace.other)
-        away = 0.0
+        distance = 0.0
         for i in range(3):
-            away += workspace.moved[i] ** 2 + (LEVER * workspace.moved[3 + i]) ** 2
+            distance += workspace.moved[i] ** 2 + (LEVER * workspace.moved[3 + i]) ** 2
         energy = workspace.other.energy[0]
-        is_refuted = workspace.other.acts[0] and not 0.0 <= energy <= new.energy[0]
-        if is_refuted or away > FAR * FAR:
-            knows[1] = False
+        is_too_deep = workspace.other.acts[0] and not 0.0 <= energy <= new.energy[0]
+        if is_too_deep or distance > FAR * FAR:
+            is_known[1] = False
 
 
 @inner_kernel

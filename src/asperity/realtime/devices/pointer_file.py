@@ -1,7 +1,7 @@
-"""Where a page's pointer wants the hand: a small shared file, read by the mouse device.
+"""The target of the hand, set by a page's pointer: a small shared file, read by the mouse device.
 
 The page writes a target pose whenever the pointer has moved, or a table of poses to play in a loop,
-and the normal force to press with. The device looks for news in each tick. If the page ends, the
+and the normal force to press with. The device reads the file in each tick. If the page ends, the
 last target stays.
 """
 

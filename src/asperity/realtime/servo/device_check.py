@@ -4,7 +4,7 @@
     axes        the user pushes right, away, up: finds the axes and whether they are right-handed
     home        the user chooses the middle of the workspace
     force       along each axis a force rises to 0.5 N and falls again; the end effector has to
-                give way in its direction and must not run away
+                move in its direction and must not run away
 
 The force is cut at once, and the check fails, if the end effector leaves 30 mm or moves faster than
 0.3 m/s, if the device reports an error, or if anything raises; zero is sent before anything else.
@@ -115,7 +115,7 @@ class _Check:
 
     def listen(self) -> None:
         """Read for a second: count the poses, measure their noise, stop on errors."""
-        places, new, errors = self._listened(_LISTEN)
+        positions, new, errors = self._read_without_force(_LISTEN)
         if new < 10:
             raise AsperityError(
                 f"{self.device.name} sent {new} new poses in {_LISTEN:g} s"
@@ -123,7 +123,7 @@ class _Check:
             )
         if errors:
             raise AsperityError(f"{self.device.name}: {errors[-1]}")
-        spread = float(np.linalg.norm(places.std(axis=0)))
+        spread = float(np.linalg.norm(positions.std(axis=0)))
         self._note(
             f"{new / _LISTEN:.0f} new poses a second; moved {spread * 1e3:.3f} mm (rms) meanwhile"
         )
@@ -133,10 +133,10 @@ class _Check:
         found: list[str] = []
         moves: list[NDArray[np.float64]] = []
         for direction in _DIRECTIONS:
-            self._please("Hold the end effector in the middle of its workspace")
-            before = self._place()
-            self._please(f"Move it about 5 cm {direction}, and keep it there")
-            move = self._place() - before
+            self._prompt("Hold the end effector in the middle of its workspace")
+            before = self._median_position()
+            self._prompt(f"Move it about 5 cm {direction}, and keep it there")
+            move = self._median_position() - before
             axis = int(np.abs(move).argmax())
             others = math.sqrt(max(0.0, float(move @ move) - move[axis] ** 2))
             if abs(move[axis]) < _LEAST_PUSH or others > 0.6 * abs(move[axis]):
@@ -161,8 +161,8 @@ class _Check:
 
     def home(self) -> tuple[float, float, float]:
         """Let the user choose the middle of the workspace."""
-        self._please("Hold it at the middle of your workspace")
-        x, y, z = self._place().tolist()
+        self._prompt("Hold it at the middle of your workspace")
+        x, y, z = self._median_position().tolist()
         self._note(f"home is {x * 1e3:.0f}, {y * 1e3:.0f}, {z * 1e3:.0f} mm in the device's axes")
         return x, y, z
 
@@ -172,11 +172,11 @@ class _Check:
         if self.device.limits.force_dof == 0:
             self._note("it has no motors to check")
             return 0.0
-        self._please(f"Hold it loosely: it will push up to {top:g} N along each axis in turn")
+        self._prompt(f"Hold it loosely: it will push up to {top:g} N along each axis in turn")
         rows = Calibration(axes).rows
-        given = [self._ramp(rows[i], _DIRECTIONS[i], top) for i in range(3)]
-        shown = ", ".join(f"{x * 1e3:.1f}" for x in given)
-        if min(given) < _SEEN:
+        shifts = [self._ramp(rows[i], _DIRECTIONS[i], top) for i in range(3)]
+        shown = ", ".join(f"{x * 1e3:.1f}" for x in shifts)
+        if min(shifts) < _SEEN:
             self._note(
                 f"pushed with {top:g} N it gave way by {shown} mm: too little along an axis to "
                 "know that the motors push at all (held fast, or they are off)"
@@ -191,29 +191,29 @@ class _Check:
         return top
 
     def _ramp(self, direction: NDArray[np.float64], towards: str, top: float) -> float:
-        """Push along a unit vector; return how far the end effector gave way along it [m]."""
-        while (given := self._push(direction, towards, top)) is None:
+        """Push along a unit vector; return the displacement along it [m]."""
+        while (shift := self._push(direction, towards, top)) is None:
             self.stalls += 1
             began = self.clock()
             while not (self.device.read(self.clock()) and self.reading.age < _LONGEST_AGE):
-                self._cut()
+                self._send_zero()
                 self.sleep(_TICK)
                 silent = self.clock() - began
                 if self.stalls > _MAX_STALLS or silent > _RECOVERY or self.reading.error:
                     why = self.reading.error or f"{self.reading.age * 1e3:.0f} ms without a pose"
                     raise AsperityError(f"{self.device.name} fell silent under force: {why}")
-        if given < -_SEEN:
+        if shift < -_SEEN:
             raise AsperityError(
-                f"pushed {towards} with {top:g} N it moved {-given * 1e3:.1f} mm the other way: "
+                f"pushed {towards} with {top:g} N it moved {-shift * 1e3:.1f} mm the other way: "
                 "its forces have the wrong sign. Do not use it"
             )
-        return given
+        return shift
 
     def _push(self, direction: NDArray[np.float64], towards: str, top: float) -> float | None:
-        """Raise and lower a force; return how far it gave way [m], None if readings stalled."""
+        """Raise and lower a force; return the displacement [m], or None if readings stalled."""
         wrench = np.zeros(6)
-        start = self._place()
-        given = 0.0
+        start = self._median_position()
+        shift = 0.0
         began = self.clock()
         try:
             while (since := self.clock() - began) < _RISE + _STAY + _FALL:
@@ -223,14 +223,14 @@ class _Check:
                 force = float(np.linalg.norm(wrench[:3]))
                 self._stop_runaway(self.reading.pose[:3] - start, force, towards)
                 if _RISE < since < _RISE + _STAY:
-                    given = float((self.reading.pose[:3] - start) @ direction)
+                    shift = float((self.reading.pose[:3] - start) @ direction)
                 part = min(since / _RISE, 1.0, max(0.0, (_RISE + _STAY + _FALL - since) / _FALL))
                 wrench[:3] = top * part * direction
                 self.device.write(wrench, self.clock())
                 self.sleep(_TICK)
         finally:
-            self._cut()
-        return given
+            self._send_zero()
+        return shift
 
     def _stop_runaway(self, move: NDArray[np.float64], force: float, towards: str) -> None:
         """Raise if the end effector runs away or the device reports an error."""
@@ -244,9 +244,9 @@ class _Check:
                 f"{speed * 1e3:.0f} mm/s); the force was cut. Hold it, and begin again"
             )
 
-    def _listened(self, seconds: float) -> tuple[NDArray[np.float64], int, list[str]]:
+    def _read_without_force(self, seconds: float) -> tuple[NDArray[np.float64], int, list[str]]:
         """Read without force; return positions (n, 3), the number of new ones, and errors."""
-        places, errors, new = [], [], 0
+        positions, errors, new = [], [], 0
         began = self.clock()
         while self.clock() - began < seconds:
             fresh = self.device.read(self.clock())
@@ -254,25 +254,25 @@ class _Check:
                 errors.append(self.reading.error)
             if fresh:
                 new += 1
-                places.append(self.reading.pose[:3].copy())
-            self._cut()
+                positions.append(self.reading.pose[:3].copy())
+            self._send_zero()
             self.sleep(_TICK)
-        return (np.array(places) if places else np.zeros((1, 3))), new, errors
+        return (np.array(positions) if positions else np.zeros((1, 3))), new, errors
 
-    def _cut(self) -> None:
+    def _send_zero(self) -> None:
         """Send zero at once."""
         self.device.write(np.zeros(6), self.clock(), known=False)
 
-    def _place(self) -> NDArray[np.float64]:
+    def _median_position(self) -> NDArray[np.float64]:
         """Return the median position over a tenth of a second [m]."""
-        places, new, errors = self._listened(0.1)
+        positions, new, errors = self._read_without_force(0.1)
         if new == 0:
             why = errors[-1] if errors else "no new poses"
             raise AsperityError(f"{self.device.name} fell silent: {why}")
-        place: NDArray[np.float64] = np.median(places, axis=0)
+        place: NDArray[np.float64] = np.median(positions, axis=0)
         return place
 
-    def _please(self, request: str) -> None:
+    def _prompt(self, request: str) -> None:
         if self.ask is not None:
             self.ask(request)
 

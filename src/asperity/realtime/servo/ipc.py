@@ -1,7 +1,7 @@
 """How the processes of a servo session communicate: memory-mapped files, and no locks.
 
     TickRing     every tick, from the loop to the recorder or the page
-    snapshot     the latest tick with contacts and counts, for anyone who looks (`snapshot.py`)
+    snapshot     the latest tick with contacts and counts, for any reader (`snapshot.py`)
     Mailbox      parameters, start and stop, from the parent to the loop
 
 The loop writes and reads all of them without ever waiting, and no force travels through any of
@@ -140,7 +140,7 @@ _MAILBOX = np.dtype(
 
 
 class Mailbox:
-    """Messages to a running loop, which looks for them after each tick.
+    """Messages to a running loop, which checks for them after each tick.
 
     The parent calls `send`, `go` and `stop`; the loop calls `news` and reads `may_go` and
     `must_stop`, each of which costs it less than a microsecond. The loop does not answer here.
@@ -205,8 +205,8 @@ class Mailbox:
         return bool(self._record["stop"])
 
 
-_LOOKS = 5
-"""Calls of `is_gone` for one real look, on systems where a look is expensive."""
+_CALLS_PER_CHECK = 5
+"""Calls of `is_gone` per actual check, on systems where a check is expensive."""
 
 
 class ParentProcess:
@@ -217,9 +217,9 @@ class ParentProcess:
         self._calls = 0
 
     def is_gone(self) -> bool:
-        """Return whether it has ended, in whatever way."""
+        """Return whether it has ended."""
         if sys.platform != "win32":
             return os.getppid() != self._number  # an orphan is given to another parent
         self._calls += 1
         parent = multiprocessing.parent_process()
-        return self._calls % _LOOKS == 0 and parent is not None and not parent.is_alive()
+        return self._calls % _CALLS_PER_CHECK == 0 and parent is not None and not parent.is_alive()

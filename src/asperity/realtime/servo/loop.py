@@ -1,4 +1,4 @@
-"""The servo loop, whose `tick` reads as what happens between two deadlines.
+"""The servo loop; its method `tick` is the sequence of steps between two deadlines.
 
     device --> mapping --> handle's pose and velocity
            --> tool on its virtual coupling, pushed by the last contact --> wrench on the hand
@@ -71,8 +71,7 @@ class ServoLoop:
         Gets every tick whose number is a multiple of `snapshot_every`.
     snapshot_every : int
     shares : bool
-        Whether loop and contacts share a core, which between ticks then belongs to the contact
-        first.
+        Whether loop and contacts share a core; between ticks the contact has precedence.
     busy : bool
         Whether to poll the clock until the next tick instead of sleeping.
     """
@@ -144,11 +143,11 @@ class ServoLoop:
         if start is not None:
             self.mapping.begin_at(device.reading, start)
         pose, _ = self.mapping.to_scene(device.reading)
-        # Where coupling and contact balance: a handle that starts in the target does not throw it.
+        # In balance, so that a tool whose handle starts inside an object is not thrown out.
         self.tool.settle(pose, self._first_contact)
         _ = self.tool.energy  # loads its kernel: a tick that needs it first would be some ms late
         self._handle[:] = pose
-        # The first contact may have taken long; what the device did meanwhile is discarded.
+        # The first contact may have taken long; readings made meanwhile are discarded.
         device.read(clock.now())
         device.begin(clock.now())
         self.pace.restart()

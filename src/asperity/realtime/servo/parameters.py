@@ -52,7 +52,7 @@ class LiveParameters:
     def changed(self, scene: Scene, changes: Mapping[str, Any]) -> LiveParameters:
         """Return the parameters with some of them changed.
 
-        Where a coupling comes in or goes, the scene's stiffness for that acts unless one is given.
+        If a coupling is added or removed, the stiffness is the scene's for that mode, unless given.
         """
         new = replace(self, **changes)
         if "stiffness" in changes or new.is_direct == self.is_direct:

@@ -46,7 +46,7 @@ from asperity.simulation.simulation import Simulation
 from asperity.simulation.tool_contact import ToolContact
 
 _GO_POLLING = 1e-3
-"""Time between two looks of a held loop for its release [s]."""
+"""Interval at which a held loop checks for its release [s]."""
 _CLEARANCE = 2e-3
 """Height of the tool above the surface when a session begins [m]."""
 _QUICK = 0.5

@@ -9,7 +9,7 @@ holds everything up to the last flush, at most about a second before.
 
 A disk that fills up during a flush would leave a file that does not open, because HDF5 cannot undo
 half a flush. So the recorder first reserves room on the disk for the next ticks and for closing. If
-there is none, it closes the file properly, reports that and ends; the loop goes on.
+there is none, it closes the file properly, reports that and ends; the loop continues.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from asperity.realtime.shared_file import remove_shared_folder, shared_folder
 from asperity.runs.recording import RecordingWriter
 
 PERIOD = 0.1
-"""Time between two looks into the ring [s]."""
+"""Interval at which the ring is read [s]."""
 RESERVE = 4 * 2**20
 """Bytes reserved beyond the ticks: for HDF5's own tables and for closing the file."""
 _TICK_BYTES = 1.25 * TICK.itemsize

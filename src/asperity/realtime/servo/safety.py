@@ -29,9 +29,9 @@ from asperity.errors import require_between, require_not_negative
 from asperity.realtime.devices.protocol import Device, Reading
 from asperity.simulation.tool_contact import LIMITED, SILENT
 
-_ABSURD = 2.0
+_MAX_DISTANCE = 2.0
 """Largest plausible distance of an end effector, in radii of the workspace."""
-_FASTEST, _FASTEST_TURN = 10.0, 100.0
+_MAX_SPEED, _MAX_ANGULAR_SPEED = 10.0, 100.0
 """Largest plausible velocities of a hand [m/s], [rad/s]."""
 _NORM_TOLERANCE = 1e-2
 """Largest deviation of a quaternion's norm from 1 in a valid reading."""
@@ -74,7 +74,7 @@ class SafetySettings:
 
 @dataclass
 class SafetyCounts:
-    """How often each protection acted."""
+    """Counts of the actions of each protection."""
 
     clamped_force: int = 0
     clamped_torque: int = 0
@@ -166,7 +166,7 @@ class SafeDevice:
         raw.error = ""
         try:
             fresh = bool(self._device.read(raw))
-        except Exception as error:  # a device must not raise, but if it does, the loop goes on
+        except Exception as error:  # a device must not raise; if it does, the loop continues
             fresh, raw.error = False, f"{type(error).__name__}: {error}"
         if raw.error:
             counts.errors += 1
@@ -235,7 +235,7 @@ class SafeDevice:
             self.flags |= LIMITED
             f *= _ROUNDING * self.max_force / force
         if torque > self.max_torque:
-            # A device that cannot turn is not clamped, it just feels no torque.
+            # For a device without torque this is no clamping, and is not counted.
             if self.max_torque > 0.0:
                 counts.clamped_torque += 1
                 self.flags |= LIMITED
@@ -299,12 +299,12 @@ class SafeDevice:
         if not math.isfinite(vx + vy + vz + wx + wy + wz):
             return False
         out, clamps = self.reading, self.counts
-        reach, far = math.hypot(x, y, z), _ABSURD * self.limits.radius
+        reach, far = math.hypot(x, y, z), _MAX_DISTANCE * self.limits.radius
         speed, turning = math.hypot(vx, vy, vz), math.hypot(wx, wy, wz)
-        clamps.workspace_clamps += reach > far or speed > _FASTEST or turning > _FASTEST_TURN
+        clamps.workspace_clamps += reach > far or speed > _MAX_SPEED or turning > _MAX_ANGULAR_SPEED
         s = min(1.0, far / reach) if reach > 0.0 else 1.0
-        v = min(1.0, _FASTEST / speed) if speed > 0.0 else 1.0
-        w = min(1.0, _FASTEST_TURN / turning) if turning > 0.0 else 1.0
+        v = min(1.0, _MAX_SPEED / speed) if speed > 0.0 else 1.0
+        w = min(1.0, _MAX_ANGULAR_SPEED / turning) if turning > 0.0 else 1.0
         out.pose[:] = (s * x, s * y, s * z, qw / norm, qx / norm, qy / norm, qz / norm)
         out.twist[:] = (v * vx, v * vy, v * vz, w * wx, w * wy, w * wz)
         out.buttons, out.age = raw.buttons, raw.age

@@ -26,7 +26,7 @@ from asperity.simulation.simulation import Rollout
 from asperity.simulation.tool_contact import ToolContact
 
 POLLING = 0.1
-"""Time between two looks of the parent at the loop [s]."""
+"""Interval at which the parent checks the loop [s]."""
 _TICK_US = ("p95", "p99", "p999", "max")
 _RESULTS = ("timing", "safety", "recorder", "real_time", "ended", "passivity")
 

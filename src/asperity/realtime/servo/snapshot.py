@@ -1,8 +1,8 @@
-"""The latest tick for anyone who looks: viewers, progress lines, other programs.
+"""The latest tick for any reader: viewers, progress lines, other programs.
 
-A shared file of one record, which the loop overwrites 250 times a second without waiting for
-anybody. A reader gets the latest snapshot however often it looks, and may be killed at any time. A
-sequence lock, the number in front of the record, shows whether a copy is undivided; the record
+A shared file of one record, which the loop overwrites 250 times a second without waiting for any
+reader. A reader always gets the latest snapshot, and may be killed at any time. A sequence lock,
+the number in front of the record, shows whether a copy is consistent; the record
 itself (`SNAPSHOT`) is an array of doubles, which programs in other languages can read too.
 """
 

@@ -7,7 +7,7 @@ Along a unit direction of the parameters of the first patch, with `G = (slope of
 K the curvature of the other's height over (u, v), for which the same expression holds with its
 own parameters and `(-slope, 1)`. The bases' parts are concave and kept as matrices; t, t', t'' of
 either texture are bounded by its pyramid, w' and w'' by the curvature of the base. The sum is a
-matrix M with `f <= f(c) + f'(c) d + d^T M d / 2` all over the box round c.
+matrix M with `f <= f(c) + f'(c) d + d^T M d / 2` everywhere in the box about c.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def concave_border_bend(patch, min_root):
 
 
 @small_kernel
-def _texture_bend(size, over, facing, spread, steepness):
+def _texture_part(size, over, facing, spread, steepness):
     """Return an upper bound of a texture's part of f''.
 
     `size` is the largest |t|; `facing` is G.w at the centre, and `spread` bounds its change over
@@ -101,7 +101,7 @@ def less_base(other, matrix, max_root, lateral):
 
 
 @small_kernel
-def _rise(slope, bend, half):
+def _parabola_maximum(slope, bend, half):
     """Return the largest of `slope d + bend d^2 / 2` over |d| <= half, for slope >= 0."""
     if slope < -bend * half:
         return -0.5 * slope * slope / bend
@@ -114,7 +114,7 @@ def quadratic_bound(matrix, half_x, half_y, bound, slack, at):
     m11, m12, m22 = matrix
     square = max(m11, 0.0) * half_x * half_x + max(m22, 0.0) * half_y * half_y
     level = at.f + 0.5 * square + abs(m12) * half_x * half_y
-    rise = _rise(abs(at.f_x), m11, half_x) + _rise(abs(at.f_y), m22, half_y)
+    rise = _parabola_maximum(abs(at.f_x), m11, half_x) + _parabola_maximum(abs(at.f_y), m22, half_y)
     bound = min(bound, at.f + rise + abs(m12) * half_x * half_y)
     is_concave = _is_concave(m11, m12, m22)
     return box_bound(bound, CONCAVE if is_concave else QUADRATIC, level, slack)
@@ -176,7 +176,7 @@ def _third_order(textures, patch, other, over, over_other, fastest, closest):
 
 
 @small_kernel
-def _with_third(found, third, half_x, half_y, bound, at):
+def _tighten_by_hessian(found, third, half_x, half_y, bound, at):
     """Return the tighter of `found` and the bound by the Hessian at the centre.
 
     `third` bounds the change of the Hessian over the box. That bound is tighter on ridges and in
@@ -235,7 +235,7 @@ def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
     if patch.texture >= 0:
         facing = over.normal_z + g1 * over.normal_u + g2 * over.normal_v
         spread = steepness * over.normal_change + turn * side
-        kappa += _texture_bend(texture_size(textures, patch), over, facing, spread, steepness)
+        kappa += _texture_part(texture_size(textures, patch), over, facing, spread, steepness)
     m11, m12, m22 = kappa, 0.0, kappa
     if patch.bulge > 0.0:
         c = patch.bulge / over.max_root
@@ -244,7 +244,7 @@ def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
     if other.texture >= 0:
         facing = over_other.normal_z - g1 * over_other.normal_u - g2 * over_other.normal_v
         spread = steepness * over_other.normal_change + turn * side_other
-        bend = _texture_bend(texture_size(textures, other), over_other, facing, spread, steepness)
+        bend = _texture_part(texture_size(textures, other), over_other, facing, spread, steepness)
         if other.bulge > 0.0:
             bend -= other.bulge / over_other.max_root * other.ellipse_min
         ratio = fastest / closest if bend > 0.0 else slowest / widest
@@ -271,4 +271,4 @@ def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
     if patch.bulge > 0.0 or other.bulge > 0.0 or closest == 0.0 or patch.stiffness_map >= 0:
         return found
     third = _third_order(textures, patch, other, over, over_other, fastest, closest)
-    return _with_third(found, radius * third, half_x, half_y, bound, at)
+    return _tighten_by_hessian(found, radius * third, half_x, half_y, bound, at)

@@ -29,7 +29,7 @@ from asperity.contact.narrow_phase.plane_boxes import lateral_shift, plane_norma
 
 
 @small_kernel
-def _narrowed(textures, other, box, travel, at):
+def _narrow_part(textures, other, box, travel, at):
     """Return the part of the other plane under a box, including its own texture's displacement.
 
     `box` is the part without it. The part is narrower by the slopes over all points it may contain:
@@ -88,7 +88,7 @@ def plane_bound(textures, pair, box, bound, search):
             if highest == -np.inf:
                 return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
         if not is_explicit:
-            under = _narrowed(textures, other, under, radius * fastest, at)
+            under = _narrow_part(textures, other, under, radius * fastest, at)
         over_other = over_box(textures, other, *under)
         if folds and drift_of(textures, other, over_other) >= other.lateral_min:
             near, closest, far = nearby(textures, other, radius * fastest, highest, search)

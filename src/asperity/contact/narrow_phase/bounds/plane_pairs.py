@@ -28,12 +28,12 @@ from asperity.contact.narrow_phase.plane_boxes import (
 from asperity.contact.narrow_phase.surface_patch import PLANAR, entries
 from asperity.texture.highest import WHOLE, texture_top, top_over, windows_for
 
-_LEANING = 0.1
-"""Lateral displacement, over the size of a box, above which `_leaning_bound` is used."""
+_MIN_LATERAL = 0.1
+"""Lateral displacement, over the size of a box, above which `_lateral_bound` is used."""
 
 
 @small_kernel
-def _cap(textures, patch):
+def _patch_top(textures, patch):
     """Return the highest texture on a patch [m]."""
     if patch.texture < 0:
         return 0.0
@@ -41,9 +41,9 @@ def _cap(textures, patch):
 
 
 @small_kernel
-def _highest(textures, patch, x, y, half_x, half_y):
+def _planar_top(textures, patch, x, y, half_x, half_y):
     """Return a bound of the texture over a box of a patch's parameters, for a planar map [m]."""
-    known = _cap(textures, patch)
+    known = _patch_top(textures, patch)
     if patch.texture < 0 or patch.mapping != PLANAR:
         return known
     u0, u1, v0, v1 = on_texture(patch, x, y, half_x, half_y)
@@ -51,15 +51,15 @@ def _highest(textures, patch, x, y, half_x, half_y):
 
 
 @inner_kernel
-def _highest_of_any(textures, patch, x, y, half_x, half_y):
-    """Return `_highest`, for a triplanar map too.
+def _mapped_top(textures, patch, x, y, half_x, half_y):
+    """Return `_planar_top`, for a triplanar map too.
 
     It is not inlined: searches between planar maps would take 4 % longer.
     """
     if is_triplanar(patch):
         top = triplanar_top(textures, patch, x, y, half_x, half_y)
-        return min(_cap(textures, patch), top)
-    return _highest(textures, patch, x, y, half_x, half_y)
+        return min(_patch_top(textures, patch), top)
+    return _planar_top(textures, patch, x, y, half_x, half_y)
 
 
 @small_kernel
@@ -69,7 +69,7 @@ def _lifting_height(patch, high):
 
 
 @small_kernel
-def _spread(textures, patch, half_x, half_y):
+def _box_on_map(textures, patch, half_x, half_y):
     """Return the half sides of a box on a planar map, and the table windows that cover it."""
     k = patch.texture
     if k < 0 or patch.mapping != PLANAR:
@@ -81,7 +81,7 @@ def _spread(textures, patch, half_x, half_y):
 
 @small_kernel
 def _top_over(textures, patch, cap, spread, x, y):
-    """Return the highest texture over a box around (x, y) with this `_spread` [m]."""
+    """Return the highest texture over a box around (x, y) with this `_box_on_map` [m]."""
     ru, rv, chosen = spread
     if chosen[3] == 0:
         return cap
@@ -106,9 +106,9 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
     rise = planes.z_0 + abs(z_x) * half_x + abs(z_y) * half_y
     rise_x = patch.origin[2] + abs(slope[0]) * half_x + abs(slope[1]) * half_y
     rise_y = other.origin[2] + abs(other_slope[0]) * reach_x + abs(other_slope[1]) * reach_y
-    cap_x, cap_y = _cap(textures, patch), _cap(textures, other)
-    spread_x = _spread(textures, patch, half_x, half_y)
-    spread_y = _spread(textures, other, reach_x, reach_y)
+    cap_x, cap_y = _patch_top(textures, patch), _patch_top(textures, other)
+    spread_x = _box_on_map(textures, patch, half_x, half_y)
+    spread_y = _box_on_map(textures, other, reach_x, reach_y)
     sides = other.rectangle
     highs = stack_array((8,))
     for child in range(4):
@@ -123,14 +123,14 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
         highs[child], highs[4 + child] = high_x, high_y
         top = min(rise_x + slope[0] * x + slope[1] * y, patch.base_top)
         top += min(rise_y + other_slope[0] * bx + other_slope[1] * by, other.base_top)
-        bound = _lifted(patch, other, planes, rise + z_x * x + z_y * y, top, high_x, high_y)
+        bound = _combined(patch, other, planes, rise + z_x * x + z_y * y, top, high_x, high_y)
         apart = (
             (bx - reach_x > sides[1]) | (bx + reach_x < sides[0])
             | (by - reach_y > sides[3]) | (by + reach_y < sides[2])
         )  # fmt: skip
         bounds_out[child] = -np.inf if apart else bound
-    leans = planes.shift > _LEANING * max(reach_x, reach_y)
-    leans = leans and planes.back == -np.inf and planes.other_back == -np.inf
+    is_lateral = planes.shift > _MIN_LATERAL * max(reach_x, reach_y)
+    is_lateral = is_lateral and planes.valley == -np.inf and planes.other_valley == -np.inf
     mixed, folds = is_triplanar(patch) or is_triplanar(other), may_fold(textures, other)
     # The other texture's part of the lateral displacement by both.
     inside = planes.shift - lateral_shift(textures, patch) / other.lateral_min
@@ -141,9 +141,9 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
             y = y0 + (3.0 if child & 2 else 1.0) * half_y
             quarter = (x, y, half_x, half_y)
             under, smooth = under_box(planes, quarter), rise + z_x * x + z_y * y
-            highs[child] = _highest_of_any(textures, patch, *quarter)
-            highs[4 + child] = _highest_of_any(textures, other, *under)
-            bound = _lifted(patch, other, planes, smooth, np.inf, highs[child], highs[4 + child])
+            highs[child] = _mapped_top(textures, patch, *quarter)
+            highs[4 + child] = _mapped_top(textures, other, *under)
+            bound = _combined(patch, other, planes, smooth, np.inf, highs[child], highs[4 + child])
             bounds_out[child] = min(bounds_out[child], bound)
     for child in range(4):
         if bounds_out[child] > threshold:
@@ -157,8 +157,8 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
                 bounds_out[child] = -np.inf
                 continue
             smooth = rise + z_x * x + z_y * y
-            if leans:
-                bound = _leaning_bound(
+            if is_lateral:
+                bound = _lateral_bound(
                     textures, patch, other, planes, quarter, under,
                     (smooth, highs[child], highs[4 + child]), threshold,
                 )  # fmt: skip
@@ -168,7 +168,7 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
                 high_y = highest_over(textures, other, under)
                 bound = -np.inf
                 if high_y > -np.inf:
-                    bound = _lifted(patch, other, planes, smooth, np.inf, highs[child], high_y)
+                    bound = _combined(patch, other, planes, smooth, np.inf, highs[child], high_y)
                 bounds_out[child] = min(bounds_out[child], bound)
 
 
@@ -199,7 +199,7 @@ def _displacement(textures, patch, low, high, box):
 
 
 @inner_kernel
-def _leaning_bound(textures, patch, other, planes, box, under, heights, threshold):
+def _lateral_bound(textures, patch, other, planes, box, under, heights, threshold):
     """Return an upper bound of overlaps deeper than `threshold` over a box, or `threshold`.
 
     Textures move points laterally in proportion to their height. At such overlaps both textures are
@@ -217,26 +217,26 @@ def _leaning_bound(textures, patch, other, planes, box, under, heights, threshol
     bx, by, reach_x, reach_y = under
     x_u, x_v, near_x = _displacement(textures, patch, low_x, high_x, box)
     y_u, y_v, near_y = _displacement(textures, other, low_y, high_y, under)
-    less = planes.shift - (near_x + near_y) / other.lateral_min
-    if less <= 0.0:
+    margin = planes.shift - (near_x + near_y) / other.lateral_min
+    if margin <= 0.0:
         return np.inf
     d_u, d_v = x_u - y_u, x_v - y_v
     i, j, k, m = entries(other.lateral_inverse)
     bx += i * d_u + j * d_v
     by += k * d_u + m * d_v
-    reach_x, reach_y = reach_x - less, reach_y - less
+    reach_x, reach_y = reach_x - margin, reach_y - margin
     if beyond_straight_borders(other, 0, bx, by, reach_x, reach_y):
         return threshold
     if is_triplanar(other):
-        high_y = _highest_of_any(textures, other, bx, by, reach_x, reach_y)
+        high_y = _mapped_top(textures, other, bx, by, reach_x, reach_y)
     else:
-        high_y = _highest(textures, other, bx, by, reach_x, reach_y)
+        high_y = _planar_top(textures, other, bx, by, reach_x, reach_y)
     up_y = planes.other_lift * _lifting_height(other, high_y)
     return max(smooth + up_x + up_y, threshold)
 
 
 @small_kernel
-def _lifted(patch, other, planes, smooth, top, high_x, high_y):
+def _combined(patch, other, planes, smooth, top, high_x, high_y):
     """Return the tighter of two bounds for textures with given largest heights.
 
     `smooth` bounds the overlap of the bases, `top` the sum of their largest heights.
@@ -244,27 +244,27 @@ def _lifted(patch, other, planes, smooth, top, high_x, high_y):
     high_x = _lifting_height(patch, high_x)
     high_y = _lifting_height(other, high_y)
     # No point is higher than the sum of the base's top and the highest texture.
-    top = _raised_tops(patch, other, top, high_x, high_y)
+    top = _sum_of_tops(patch, other, top, high_x, high_y)
     up_x, up_y = planes.lift * high_x, planes.other_lift * high_y
-    return min(smooth + max(up_x, planes.back) + max(up_y, planes.other_back), top)
+    return min(smooth + max(up_x, planes.valley) + max(up_y, planes.other_valley), top)
 
 
 @small_kernel
 def top_bound(textures, patch, other):
     """Return the sum of the largest heights of two patches, inf if it is unknown [m]."""
-    high_x = _lifting_height(patch, _cap(textures, patch))
-    high_y = _lifting_height(other, _cap(textures, other))
-    return _raised_tops(patch, other, patch.base_top + other.base_top, high_x, high_y)
+    high_x = _lifting_height(patch, _patch_top(textures, patch))
+    high_y = _lifting_height(other, _patch_top(textures, other))
+    return _sum_of_tops(patch, other, patch.base_top + other.base_top, high_x, high_y)
 
 
 @small_kernel
-def _raised_tops(patch, other, top, high_x, high_y):
+def _sum_of_tops(patch, other, top, high_x, high_y):
     """Return the sum of the largest heights of two surfaces; `top` is that of their bases."""
-    return top + _rise(patch, high_x) + _rise(other, high_y)
+    return top + _bound_rise(patch, high_x) + _bound_rise(other, high_y)
 
 
 @small_kernel
-def _rise(patch, high):
+def _bound_rise(patch, high):
     """Return an upper bound of a patch's rise above its base's top, from its largest height [m]."""
     if patch.bulge > 0.0:  # the normals of a sphere have unit length, and vary
         return max(high, 0.0)
@@ -282,8 +282,8 @@ def _bound_over(textures, patch, other, planes, smooth, box, under):
     base = other.origin[2] + other_slope[0] * bx + other_slope[1] * by
     base += abs(other_slope[0]) * reach_x + abs(other_slope[1]) * reach_y
     top = min(top, patch.base_top) + min(base, other.base_top)
-    high_x, high_y = _highest(textures, patch, *box), _highest(textures, other, *under)
-    return _lifted(patch, other, planes, smooth, top, high_x, high_y)
+    high_x, high_y = _planar_top(textures, patch, *box), _planar_top(textures, other, *under)
+    return _combined(patch, other, planes, smooth, top, high_x, high_y)
 
 
 @inner_kernel
@@ -299,7 +299,7 @@ def bound_pair(textures, patch, other, search, candidate_out):
     candidate.bound = -np.inf
     polygon, shift = search.polygon, pair_shift(textures, patch, other)
     size = min(other.rectangle[1], other.rectangle[3]) * other.lateral_min
-    if shift > _LEANING * size and not (patch.is_unit and other.is_unit):
+    if shift > _MIN_LATERAL * size and not (patch.is_unit and other.is_unit):
         # Where normals vary, the displacement in the window may be less than on the whole facet.
         x0, x1, y0, y1 = window_of(patch, other, shift)
         if not (x0 <= x1 and y0 <= y1):
@@ -327,7 +327,7 @@ def bound_pair(textures, patch, other, search, candidate_out):
     under = under_box(planes, box)
     candidate.bound = _bound_over(textures, patch, other, planes, smooth, box, under)
     if is_triplanar(patch) or is_triplanar(other):
-        high_x = _highest_of_any(textures, patch, *box)
-        high_y = _highest_of_any(textures, other, *under)
-        bound = _lifted(patch, other, planes, smooth, np.inf, high_x, high_y)
+        high_x = _mapped_top(textures, patch, *box)
+        high_y = _mapped_top(textures, other, *under)
+        bound = _combined(patch, other, planes, smooth, np.inf, high_x, high_y)
         candidate.bound = min(candidate.bound, bound)

@@ -32,9 +32,9 @@ class Planes(NamedTuple):
     """Largest rise of the overlap per height of the texture."""
     other_lift: float
     """The same for the other's texture."""
-    back: float
+    valley: float
     """Largest rise by the texture's valleys if it is seen from behind, else -inf [m]."""
-    other_back: float
+    other_valley: float
     """The same for the other's texture."""
     shift: float
     """Largest displacement of points by both textures, in the other's parameters [m]."""
@@ -48,8 +48,8 @@ class Lifts(NamedTuple):
 
     lift: float
     other_lift: float
-    back: float
-    other_back: float
+    valley: float
+    other_valley: float
     shift: float
 
 
@@ -62,18 +62,18 @@ def lifts_within(textures, patch, other, box):
     i, j, k, m = entries(other.lateral_inverse)
     s_x, s_y = other.slope[0], other.slope[1]
     g1, g2 = i * s_x + k * s_y, j * s_x + m * s_y
-    lift, least, lean = _lift_and_lean(patch, box, g1, g2)
-    back = _back(textures, patch, least)
-    shift = texture_size(textures, patch) * lean
-    other_lift, lean = _unit_lift(other, -g1, -g2), other.normal_lateral
+    lift, least, lateral = _bound_lift(patch, box, g1, g2)
+    valley = _bound_valley_rise(textures, patch, least)
+    shift = texture_size(textures, patch) * lateral
+    other_lift, lateral = _unit_lift(other, -g1, -g2), other.normal_lateral
     least = other_lift
     if other.texture >= 0 and not other.is_unit:
         moved = (shift + lateral_shift(textures, other)) / other.lateral_min
         under = box_under(parameters_over(patch, other), box, moved)
-        other_lift, least, lean = _lift_and_lean(other, under, -g1, -g2)
-    other_back = _back(textures, other, least)
-    shift += 0.0 if other.is_level else texture_size(textures, other) * lean
-    return Lifts(lift, other_lift, back, other_back, shift / other.lateral_min)
+        other_lift, least, lateral = _bound_lift(other, under, -g1, -g2)
+    other_valley = _bound_valley_rise(textures, other, least)
+    shift += 0.0 if other.is_level else texture_size(textures, other) * lateral
+    return Lifts(lift, other_lift, valley, other_valley, shift / other.lateral_min)
 
 
 @small_kernel
@@ -93,36 +93,36 @@ def planes_of(patch, other, lifts):
 
 
 @small_kernel
-def _back(textures, patch, least):
-    """Return how far valleys raise a plane if its lift may be as low as `least` [m]."""
+def _bound_valley_rise(textures, patch, least):
+    """Return the largest rise by valleys of a plane whose lift is at least `least` [m]."""
     return -least * texture_size(textures, patch) if least < 0.0 else -np.inf
 
 
 @small_kernel
 def _unit_lift(patch, g1, g2):
-    """Return the lift of `_lift_and_lean` for a constant normal."""
+    """Return the lift of `_bound_lift` for a constant normal."""
     return patch.normal[2] + g1 * patch.normal[0] + g2 * patch.normal[1]
 
 
 @small_kernel
-def _lift_and_lean(patch, box, g1, g2):
-    """Return bounds of the lift, and the largest lateral part of the normal.
+def _bound_lift(patch, box, g1, g2):
+    """Return the largest and smallest lift, and the largest lateral component of the normal.
 
-    The lift is the rise of the overlap per height of a plane's texture: largest, least. (g1, g2) is
-    the slope of the other plane; all hold within a `box` of centre and half sides.
+    The lift is the rise of the overlap per height of a plane's texture. (g1, g2) is the slope of
+    the other plane; all hold within a `box` of centre and half sides.
     """
     if patch.is_unit:
         lift = _unit_lift(patch, g1, g2)
         return lift, lift, 0.0 if patch.is_level else patch.normal_lateral
     x, y, half_x, half_y = box
     u, v, z, change, _, _ = plane_normal(patch, x, y, math.sqrt(half_x * half_x + half_y * half_y))
-    # G = (g1, g2, 1) and w make an angle of which the cosine is along / |G|; `change` bounds the
-    # angle by which w turns.
+    # The angle between G = (g1, g2, 1) and w has the cosine along / |G|; `change` bounds the
+    # rotation of w.
     square, along = 1.0 + g1 * g1 + g2 * g2, z + g1 * u + g2 * v
     spread = math.sqrt(max(square - along * along, 0.0)) * change
     spread += abs(along) * 0.5 * change * change
-    lean = min(math.sqrt(u * u + v * v) + change, patch.normal_lateral)
-    return min(along + spread, math.sqrt(square)), along - spread, lean
+    lateral = min(math.sqrt(u * u + v * v) + change, patch.normal_lateral)
+    return min(along + spread, math.sqrt(square)), along - spread, lateral
 
 
 @small_kernel

@@ -24,7 +24,7 @@ from asperity.contact.narrow_phase.surface_patch import entries
 
 
 @small_kernel
-def _rise(slope, bend, half):
+def _parabola_maximum(slope, bend, half):
     """Return the largest of `slope d + bend d^2 / 2` over |d| <= half, for slope >= 0."""
     if slope < -bend * half:
         return -0.5 * slope * slope / bend
@@ -53,12 +53,12 @@ def rough_bound(textures, patch, other, planes, box):
     t, t_x, t_y, _, _, _ = height_on(
         textures, patch, patch.texture, x, y, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     )
-    size, lean = texture_size(textures, patch), 0.0
+    size, lateral = texture_size(textures, patch), 0.0
     if not patch.is_level:
-        lean = min(math.sqrt(w_u * w_u + w_v * w_v) + change, 1.0)
+        lateral = min(math.sqrt(w_u * w_u + w_v * w_v) + change, 1.0)
     # The box's extent on the other plane: its centre is known, and how fast points move from it.
     i, j, k, m = entries(other.lateral_inverse)
-    astray = (slope * lean + size * w1) * radius / other.lateral_min
+    astray = (slope * lateral + size * w1) * radius / other.lateral_min
     bx = planes.b0 + planes.b1 * x + planes.b2 * y + t * (i * w_u + j * w_v)
     by = planes.c0 + planes.c1 * x + planes.c2 * y + t * (k * w_u + m * w_v)
     reach_x = abs(planes.b1) * half_x + abs(planes.b2) * half_y + astray
@@ -89,7 +89,7 @@ def rough_bound(textures, patch, other, planes, box):
     second += size * w2 * steepness
     f_x = planes.z_x + t_x * along + t * along_x
     f_y = planes.z_y + t_y * along + t * along_y
-    rise = _rise(abs(f_x), second, half_x) + _rise(abs(f_y), second, half_y)
+    rise = _parabola_maximum(abs(f_x), second, half_x) + _parabola_maximum(abs(f_y), second, half_y)
     return planes.z_0 + planes.z_x * x + planes.z_y * y + t * along + rise
 
 

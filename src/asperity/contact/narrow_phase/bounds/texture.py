@@ -49,7 +49,7 @@ class TextureBounds(NamedTuple):
     lateral: float
     """Largest lateral part of w, at most 1."""
     min_root: float
-    """Least and largest root; -1 beyond the ellipse."""
+    """Smallest and largest root; -1 beyond the ellipse."""
     max_root: float
 
 
@@ -171,7 +171,7 @@ def texture_over(textures, patch, x0, x1, y0, y1):
     else:
         normal = plane_normal(patch, x, y, radius)
     if mapping == CYLINDRICAL:
-        top, slope, bend = _over_cylinder(textures, patch, (x0, x1, y0, y1), least, most)
+        top, slope, bend = _bound_on_cylinder(textures, patch, (x0, x1, y0, y1), least, most)
         reach = 1.0 + patch.map_root * r1
         stretch = patch.map_stretch
         speed = math.sqrt((stretch / low) ** 2 + reach * reach)
@@ -179,7 +179,7 @@ def texture_over(textures, patch, x0, x1, y0, y1):
         turn += patch.map_root * r2
         slowest = 0.0
     else:
-        top, slope, bend = _over_maps(textures, patch, (x, y, half_x, half_y), least, most)
+        top, slope, bend = _bound_on_maps(textures, patch, (x, y, half_x, half_y), least, most)
         speed = patch.map_max + patch.map_root * r1
         turn = patch.map_root * r2
         slowest = max(patch.map_min - patch.map_root * r1, 0.0)
@@ -196,7 +196,7 @@ def texture_over(textures, patch, x0, x1, y0, y1):
 
 
 @small_kernel
-def _over_cylinder(textures, patch, box, least, most):
+def _bound_on_cylinder(textures, patch, box, least, most):
     """Return upper bounds of t, |t'| and t'' in texture coordinates, for a cylindrical map.
 
     `least` and `most` bound the root.
@@ -217,7 +217,7 @@ def _over_cylinder(textures, patch, box, least, most):
 
 
 @small_kernel
-def _over_maps(textures, patch, box, least, most):
+def _bound_on_maps(textures, patch, box, least, most):
     """Return upper bounds of t, |t'| and t'' in texture coordinates, for one or three maps.
 
     `box` is (x, y, half_x, half_y); `least` and `most` bound the root.

@@ -82,7 +82,7 @@ def mixing(patch, x, y, half_x, half_y):
 
 
 @small_kernel
-def _on_map(patch, i, x, y, half_x, half_y):
+def _box_on_map(patch, i, x, y, half_x, half_y):
     """Return the rectangle u0, u1, v0, v1 that a box covers on one of the maps."""
     one, two = (i + 1) % 3, (i + 2) % 3
     at, by_x, by_y = patch.texture_origin, patch.texture_from_x, patch.texture_from_y
@@ -98,12 +98,12 @@ def triplanar_top(textures, patch, x, y, half_x, half_y):
     """Return the largest height of a triplanar map over a box of a plane patch [m]."""
     k = patch.texture
     m, one, two = shares_over(patch, x, y, half_x, half_y)
-    u0, u1, v0, v1 = _on_map(patch, m, x, y, half_x, half_y)
+    u0, u1, v0, v1 = _box_on_map(patch, m, x, y, half_x, half_y)
     top = high = texture_top(textures, k, u0, u1, v0, v1)
     for n in range(1, 3):
         share, other = (one if n == 1 else two), textures.maps[k].highest
         if share >= _SMALL_WEIGHT:
-            u0, u1, v0, v1 = _on_map(patch, (m + n) % 3, x, y, half_x, half_y)
+            u0, u1, v0, v1 = _box_on_map(patch, (m + n) % 3, x, y, half_x, half_y)
             other = texture_top(textures, k, u0, u1, v0, v1)
         high += share * max(other - top, 0.0)
     return high
@@ -133,7 +133,7 @@ def triplanar_slopes(textures, patch, x, y, half_x, half_y):
 @small_kernel
 def _slopes_of(textures, patch, i, x, y, half_x, half_y):
     """Do `triplanar_slopes` for one of the maps."""
-    u0, u1, v0, v1 = _on_map(patch, i, x, y, half_x, half_y)
+    u0, u1, v0, v1 = _box_on_map(patch, i, x, y, half_x, half_y)
     slope, bend = slope_bounds(textures, patch.texture, u0, u1, v0, v1)
     if bend < 0.0:
         # On a slant the map is compressed by its least singular value; the largest is 1.
