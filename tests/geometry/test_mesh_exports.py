@@ -65,6 +65,8 @@ def text_stl(*, case=str, end="\n", ends=True, comma=False):
         (b"\xef\xbb\xbf" + text_stl(end="\r\n"), ""),
         (text_stl().decode().encode("utf-16"), ""),
         (text_stl(comma=True), ""),
+        (text_stl(end=" "), ""),
+        (text_stl().replace(b"endsolid", b"end solid"), ""),
     ],
 )
 def test_stl_as_programs_write_it(tmp_path, content, note):

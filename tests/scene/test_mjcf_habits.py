@@ -463,3 +463,24 @@ def test_warnings_of_mujoco_are_notes_and_not_printed(load, capfd) -> None:
     load(plate(), tool(ball()), head=head)
     assert capfd.readouterr() == ("", "")
     assert mujoco.get_mju_user_warning() is None
+
+
+def test_contact_exclusions_hold_and_are_noted(load) -> None:
+    pair = '<exclude body1="plate" body2="tool"/>'
+    scene = load(plate(), tool(ball()), head=f"<contact>{pair}</contact>")
+    assert noted(scene, "'tool' does not touch plate, as <exclude> states")
+    pressed = asperity.Simulation(scene).step([0, 0, RADIUS - 1e-4, 1, 0, 0, 0])
+    assert not np.any(pressed)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("stifness = 3", r"unknown key force\.stifness \(did you mean force\.stiffness\?\); valid"),
+        (f"friction = 4{'0' * 400}", r"force\.friction must be finite"),
+    ],
+)
+def test_what_scene_toml_has_wrong_is_one_short_line(load, line: str, said: str) -> None:
+    with pytest.raises(AsperityError, match=said) as refused:
+        load(plate(), tool(ball()), toml=TOML + line + "\n")
+    assert len(str(refused.value)) <= 300 + len("/scene.toml")

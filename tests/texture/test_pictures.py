@@ -431,3 +431,36 @@ def test_the_unit_of_gdal_is_that_of_the_heights(tmp_path: Path) -> None:
     write("degC")
     with pytest.raises(SurfaceError, match="height_range"):
         read_heights(path, pixel_size=PIXEL)
+
+
+# --- what stands beside the picture ---------------------------------------------------------------
+
+
+def test_a_preview_before_the_picture_is_not_read(tmp_path: Path) -> None:
+    grey = np.round(65535 * SHARE).astype(np.uint16)
+    with tifffile.TiffWriter(tmp_path / "a.tif") as file:
+        small = np.stack([grey[::4, ::4] >> 8] * 3, axis=-1).astype(np.uint8)
+        file.write(small, photometric="rgb", subfiletype=1)
+        file.write(grey)
+    found = read_heights(tmp_path / "a.tif", **SCALED)
+    like(found)
+    assert any("the first that is no preview of 2" in note for note in found.notes)
+
+
+def test_a_compression_that_python_lacks_is_read_by_pillow(tmp_path: Path, monkeypatch) -> None:
+    Image.fromarray(SHARE.astype(np.float32)).save(tmp_path / "a.tif", compression="tiff_lzw")
+
+    def lacking(*_: object, **__: object) -> None:
+        raise ModuleNotFoundError("No module named 'compression'")
+
+    monkeypatch.setattr(tifffile.TiffPage, "asarray", lacking)
+    like(read_heights(tmp_path / "a.tif", **SCALED))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_grey_that_a_png_calls_clear_is_suspected(tmp_path: Path, dtype: type) -> None:
+    grey = np.round(200 * SHARE + 20).astype(dtype)
+    grey[3:5, 3:5] = 0
+    Image.fromarray(grey).save(tmp_path / "a.png", transparency=0)
+    found = read_heights(tmp_path / "a.png", **SCALED)
+    assert "are its 4 clear pixels missing? nodata=0" in found.notes

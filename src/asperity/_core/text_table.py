@@ -22,10 +22,12 @@ from asperity._core.text_form import (
     OPENING,
     TWO_WORDS,
     WORD,
+    are_decimal_commas,
     bare,
     decoded,
     first_rows,
     format_of,
+    is_almost_empty,
     is_count,
     is_footer,
     is_label,
@@ -257,7 +259,8 @@ def _table(
         end = len(text) if end < 0 else end
         line, number = text[start:end], number + 1
         rest = text[end + 1 : end + 4000]
-        if is_row(line, texts) and not is_count(line, rest) and not is_label(line, rest):
+        counts = is_count(line, rest) and not (texts and is_almost_empty(line))
+        if is_row(line, texts) and not counts and not is_label(line, rest):
             break
         if line.strip():
             header.append(line.strip().lstrip(_MARKS).strip())
@@ -268,8 +271,12 @@ def _table(
     body = without_footer(text[start:]) if is_whole else text[start:]
     sample = [bare(line).strip(" \r") for line in first_rows(body)]
     separator, decimal = format_of([line for line in sample if line.strip()])
-    first = sample[0].rstrip(separator) if separator else sample[0]
-    columns = len(first.split(separator))
+    columns = _width(body, separator, sample[0])
+    if separator == "," and decimal == "." and "." not in body and are_decimal_commas(sample):
+        raise error(
+            f"{path}: commas are decimal marks in it and stand between the numbers too; valid: "
+            "semicolons or tabs between them, or decimal points"
+        )
     wrong = wrong_word(above, separator, columns)
     if wrong:
         raise error(
@@ -277,6 +284,21 @@ def _table(
             "is missing"
         )
     return TextTable(path, tuple(header), body, number, separator, decimal, columns, error)
+
+
+def _width(body: str, separator: str | None, first: str) -> int:
+    """Return the number of columns: empty cells that end the first row count if others have them.
+
+    A separator behind each row separates nothing.
+    """
+    full = len(first.rstrip(separator).split(separator)) if separator else len(first.split())
+    there = len(first.split(separator))
+    if separator is None or there == full:
+        return full
+    cell = rf"[^\n{separator}]*"
+    last = rf"^(?:{cell}{separator}){{{full},{there - 1}}}{cell}[^\s{separator}]"
+    counts = (found.group().count(separator) + 1 for found in re.finditer(last, body, re.MULTILINE))
+    return max(counts, default=full)
 
 
 def _word(match: re.Match[str]) -> str:

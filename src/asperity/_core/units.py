@@ -19,9 +19,9 @@ LENGTHS = {
     "å": 1e-10, "angstrom": 1e-10, "angstroms": 1e-10, "ångström": 1e-10, "ang": 1e-10,
     "kå": 1e-7, "inch": 0.0254, "inches": 0.0254, "in": 0.0254, "mil": 2.54e-5, "thou": 2.54e-5,
     "μin": 2.54e-8, "uin": 2.54e-8, "μinch": 2.54e-8, "microinch": 2.54e-8, "microinches": 2.54e-8,
-    "ƒêm": 1e-6, "¦ìm": 1e-6, "¥ìm": 1e-6,
+    "ƒêm": 1e-6, "¦ìm": 1e-6, "¥ìm": 1e-6, "ìì": 1e-3, "ìêì": 1e-6, "íì": 1e-9,
 }  # fmt: skip
-"""Units of length [m], in lower case; the last are μm of Asian code pages."""
+"""Units of length [m], in lower case; the last are those of Asian and Cyrillic code pages."""
 TIMES = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
     "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3, "millis": 1e-3,

@@ -18,7 +18,7 @@ from asperity._core.arrays import Array
 from asperity._core.files import columns_of, reading, text_of
 from asperity._core.large_tables import numbers_of
 from asperity._core.plain_tables import head_of, plain_numbers
-from asperity._core.text_form import is_number, without_groups
+from asperity._core.text_form import are_decimal_commas, is_number, without_groups
 from asperity._core.units import LENGTHS, named_unit
 from asperity._core.unpacking import content_of
 from asperity.baking.las import read_las
@@ -274,6 +274,11 @@ def _text(path: Path) -> Points:
         )
     if not form.names and len(_ON_THE_GLOBE.findall("\n".join(lines[: form.first]))) > 1:
         raise AsperityError(f"{path}: has latitude and longitude; valid: x, y, z (project them)")
+    if form.separator == "," and are_decimal_commas(lines[form.first :][:_SAMPLE]):
+        raise AsperityError(
+            f"{path}: commas are decimal marks in it and stand between the numbers too; valid: "
+            "semicolons or tabs between them, or decimal points"
+        )
     notes = []
     if not form.names and form.width > 3 and _counts_lines(lines, form):
         form = form._replace(columns=(1, 2, 3))

@@ -38,7 +38,7 @@ _NOT_READ = {
 """Attributes of contact that are not used, and what holds instead."""
 _UNUSED_ELEMENTS = {
     "equality": "constraints", "tendon": "tendons", "actuator": "actuators",
-    "pair": "contact pairs", "exclude": "contact exclusions", "deformable": "deformable bodies",
+    "pair": "contact pairs", "deformable": "deformable bodies",
 }  # fmt: skip
 _ACROSS = 1e-4, 2.0
 """Smallest and largest tool whose size is not doubted [m]."""
@@ -352,6 +352,11 @@ def _read_contact(xml: str, out: Adapted) -> None:
     if out.tool not in bodies:
         return
     _doubt(model, bodies[out.tool], out)
+    pairs = [divmod(int(pair), 1 << 16) for pair in model.exclude_signature]
+    apart = [b for pair in pairs if bodies[out.tool] in pair for b in pair]
+    names = [model.body(b).name for b in dict.fromkeys(apart) if b != bodies[out.tool]]
+    if names:
+        out.notes.append(f"{out.tool!r} does not touch {', '.join(names)}, as <exclude> states")
     if "friction" not in stated:
         return
     out.frictions = frictions(model, bodies[out.tool], out.notes)

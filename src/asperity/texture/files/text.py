@@ -244,6 +244,10 @@ def _without_axes(stored: Stored, names: Sequence[str] | None) -> Stored:
         notes = (*notes, f"places in {unit[0]}", NO_UNIT)
         size = abs(steps[0]) * unit[1], steps[1] * unit[1]
         return stored._replace(pixel_size=size, scale=1.0, unit="", notes=notes)
+    values, dropped = _without_numbers(values)
+    if dropped:
+        notes = (*notes, f"{dropped} and is left out")
+        return stored._replace(values=values, notes=notes)
     first = [
         word
         for word, grows in (
@@ -257,6 +261,18 @@ def _without_axes(stored: Stored, names: Sequence[str] | None) -> Stored:
         notes = (*notes, f"is its first {which} places? It grows evenly, others do not: leave it "
                  "out of the file, if so")  # fmt: skip
     return stored._replace(notes=notes)
+
+
+def _without_numbers(values: Array) -> tuple[Array, str]:
+    """Return a matrix without a row or column of 0, 1, 2, ... beside heights that are not whole.
+
+    pandas writes them where columns, or rows, have no names.
+    """
+    for what, turned in (("row", values), ("column", values.T)):
+        line, rest = turned[0], turned[1:]
+        if np.array_equal(line, np.arange(line.size)) and not (rest == np.round(rest)).all():
+            return (rest if what == "row" else rest.T), f"its first {what} numbers its samples"
+    return values, ""
 
 
 def _as_placed(stored: Stored, x: Array, y: Array) -> Stored:

@@ -17,11 +17,12 @@ _LABELS = {
     "width": """width; breite; weite; šířka; anchura; ancho; largeur; larghezza; ширина; 폭; 너비;
         幅; 宽度; 寬度; largura; szélesség; bredd; bredde; szerokość; genişlik; leveys; x-size;
         xsize; x size; size x; x range; x-range; x length; x-length; xlength; scan width;
-        scan size x; real width; x scan size; length x; image width; field width; x scale size""",
+        scan size x; real width; x scan size; length x; image width; field width; x scale size;
+        scan size; scan range; x amplitude""",
     "height": """height; höhe; výška; altura; alto; hauteur; altezza; высота; 높이; 高さ; 高度;
         magasság; höjd; høyde; højde; wysokość; yükseklik; korkeus; y-size; ysize; y size; size y;
         y range; y-range; y length; y-length; ylength; scan height; scan size y; real height;
-        y scan size; length y; image height; field height""",
+        y scan size; length y; image height; field height; y amplitude""",
     "unit": """value units; value unit; values unit; jednotky hodnot; unités; unités de valeur;
         unità valore; 값 단위; единицы измерения; единицы значений; werteinheit; werteinheiten;
         einheit; wert-einheiten; unidades; unidades de valor; unidad; unidades do valor;
