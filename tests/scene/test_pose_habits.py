@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from asperity.errors import AsperityError
 from asperity.scene.trajectory_file import read_poses
@@ -96,3 +97,21 @@ def test_json_by_times_is_refused_by_what_it_holds(tmp_path: Path) -> None:
     tree = {f"{t:g}": {"pos": p.tolist(), "q": [1, 0, 0, 0]} for t, p in zip(T, P, strict=True)}
     with pytest.raises(AsperityError, match=r"it holds no poses \(0\.pos, 0\.q"):
         read(tmp_path / "a.json", json.dumps(tree))
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"), [("Time (min)", 60.0), ("time_min", 60.0), ("t [h]", 3600.0)]
+)
+def test_times_in_minutes_and_hours(tmp_path: Path, unit: str, size: float) -> None:
+    head = HEAD.replace("time", unit)
+    check(read(tmp_path / "a.csv", head + "\n".join(lines(T / size, P, Q))))
+    extremes = HEAD.strip() + ",x_min,x_max\n"  # which are no minutes
+    check(read(tmp_path / "b.csv", extremes + "\n".join(lines(T, P, Q, P[:, :2]))))
+
+
+def test_the_columns_of_a_robot_s_matrix(tmp_path: Path) -> None:
+    matrices = Rotation.from_quat(np.roll(Q, -1, axis=1)).as_matrix()
+    names = [f"{column}{axis}" for column in "noa" for axis in "xyz"]
+    head = ",".join(["time", *names, "px", "py", "pz"]) + "\n"
+    columns = matrices.transpose(0, 2, 1).reshape(N, 9)
+    check(read(tmp_path / "a.csv", head + "\n".join(lines(T, columns, P))))

@@ -92,3 +92,61 @@ def test_sizes_of_scans(tmp_path: Path, head: str) -> None:
 def test_a_unit_in_a_cyrillic_code_page(tmp_path: Path) -> None:
     found = read(tmp_path / "a.csv", "Высота [мкм]\n" + rows(HEIGHTS), "cp1251", unit=None)
     same(found)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Scan size: 300 x 200 µm\n", "Size: 0.3 mm x 200 µm\n", "Scan Size (um): 300 200\n",
+        "Pixel size: 10 x 10 µm\n", "Pixel size: 10 µm × 10 µm, in µm\n", "Sampling: 10 µm\n",
+        "间距X: 10 μm\n间距Y: 10 μm\n", "ピッチX: 10 μm\nピッチY: 10 μm\n",
+        "Odstęp X: 10 µm\nOdstęp Y: 10 µm\n",
+        "Ikkuna X: 10 µm\nIkkuna Y: 10 µm\n", "pixel size:,10 um\nSa:,8.1 um\nSz:,40 um\n",
+    ],
+)  # fmt: skip
+def test_sizes_of_maps_and_of_pixels_in_one_line_or_two(tmp_path: Path, head: str) -> None:
+    found = read(tmp_path / "a.txt", head + rows(HEIGHTS, "\t"), pixel_size=None)
+    assert found.pixel_size == pytest.approx(PIXEL)
+
+
+@pytest.mark.parametrize("head", ["Sa: 8.1 µm\nSz: 40 µm\n", "foo: 300 µm\nbar: 20 µm\n"])
+def test_lengths_that_are_no_sizes_are_not_taken_for_them(tmp_path: Path, head: str) -> None:
+    with pytest.raises(SurfaceError, match="choose a value for pixel_size"):
+        read(tmp_path / "a.txt", head + rows(HEIGHTS, "\t"), pixel_size=None)
+
+
+@pytest.mark.parametrize("unit", ["waves", "fringes", "λ", "°C", "-"])
+def test_heights_in_what_is_no_length(tmp_path: Path, unit: str) -> None:
+    with pytest.raises(SurfaceError, match="choose a value for height_range"):
+        read(tmp_path / "a.txt", f"z [{unit}]\n" + rows(HEIGHTS, "\t"), unit=None)
+
+
+def test_the_third_of_three_columns_is_the_height_whatever_its_name(tmp_path: Path) -> None:
+    points = rows(np.column_stack([10.0 * U.ravel(), 10.0 * V.ravel(), HEIGHTS.ravel()]), ";")
+    for name in ("Altitude (µm)", "w (µm)"):
+        text = f'"X (µm)";"Y (µm)";"{name}"\n' + points
+        found = read(tmp_path / "a.csv", text, unit=None, pixel_size=None)
+        same(found)
+        assert found.pixel_size == pytest.approx(PIXEL)
+    found = read(tmp_path / "b.csv", "theta;r;z\n" + points, pixel_size=None)
+    assert any(note.startswith("are theta, r, z x, y and heights?") for note in found.notes)
+    line = rows(np.column_stack([10.0 * U[0], HEIGHTS[0], 0.1 * HEIGHTS[0]]), ";")
+    found = read(tmp_path / "c.csv", "x;y;sigma\n" + line, pixel_size=None)
+    np.testing.assert_allclose(found.samples, 1e-6 * HEIGHTS[0], atol=1e-10)
+
+
+def test_a_point_that_is_there_twice_leaves_the_grid(tmp_path: Path) -> None:
+    points = rows(np.column_stack([10.0 * U.ravel(), 10.0 * V.ravel(), HEIGHTS.ravel()]), " ")
+    found = read(tmp_path / "a.xyz", points + points.splitlines()[40], pixel_size=None)
+    same(found)
+    assert "601 points on a grid of 30 x 20, 1 of them twice" in found.notes[0]
+
+
+def test_places_beside_heights_in_npz(tmp_path: Path) -> None:
+    x, y = 0.01 * np.arange(30), 0.02 * np.arange(20)
+    np.savez(tmp_path / "a.npz", x_mm=x, y_mm=y[::-1], z_um=np.flipud(HEIGHTS))
+    found = read_heights(tmp_path / "a.npz")
+    same(found)
+    assert found.pixel_size == pytest.approx((PIXEL, 2 * PIXEL))
+    np.savez(tmp_path / "b.npz", z_um=HEIGHTS, spacing_um=10.0)
+    assert read_heights(tmp_path / "b.npz").pixel_size == pytest.approx(PIXEL)

@@ -96,6 +96,8 @@ def _words(name: str) -> list[str]:
     while len(words) > 1 and any(words[-1] in units for units in (LENGTHS, TIMES, ANGLES)):
         if words[-1] in (*_FRACTIONS, "secs", "sec"):
             break
+        if words[-1] in ("min", "h") and words[-2] not in _TIMES:
+            break  # x_min is no x
         words.pop()
     out: list[str] = []
     for at, word in enumerate(words):

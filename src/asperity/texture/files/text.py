@@ -19,6 +19,7 @@ from asperity.texture.files.stored import NO_UNIT, NO_UNITS, Stored, check_size,
 from asperity.texture.files.text_columns import (
     FEW,
     ColumnUnits,
+    are_named,
     are_numbered,
     columns_of_heights,
     is_even,
@@ -57,7 +58,7 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
     blocks = _blocks(table)
     values = values[:, ~np.isnan(values).all(axis=0)] if np.isnan(values[0]).any() else values
     names = _names_beside(values, names_of(table))
-    header = read_header(table.header, names, values.shape[1])
+    header = read_header(table.header, names, values.shape)
     if header.nodata is not None:
         values[values == header.nodata] = np.nan
     if header.shape and 1 in values.shape and values.size == math.prod(header.shape):
@@ -131,6 +132,8 @@ def _from_columns(
         step = pixel_size / units.lateral if pixel_size and units.word else None
         grid = _map(path, (x, y, z), called, step, pixel_size)
     notes = [f"{grid.note} ({called})", *_left_out(names, columns, values.shape[1])]
+    if names and len(columns) == 3 and not are_named(names, columns):
+        notes.append(f"are {called} x, y and heights? Their names do not state it: taken so")
     size = (grid.pixel_size[0] * units.lateral, grid.pixel_size[1] * units.lateral)
     if numbered:
         notes.append("rows are numbered from the top")
@@ -174,8 +177,8 @@ def _map(
 def _left_out(names: Sequence[str] | None, columns: tuple[int, ...], count: int) -> list[str]:
     """Return a note on the columns that are neither places nor heights, if there are some."""
     if names and len(names) > len(columns):
-        left = [name for at, name in enumerate(names) if at not in columns]
-        return [f"columns left out: {', '.join(left)[:80]}"]
+        left = [name for at, name in enumerate(names) if at not in columns and name]
+        return [f"columns left out: {', '.join(left)[:80]}"] if left else []
     if not names and count > len(columns):
         return [f"{count - len(columns)} columns behind x, y and z are left out"]
     return []
