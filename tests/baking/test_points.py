@@ -324,3 +324,12 @@ def test_points_at_the_origin_were_not_seen(tmp_path):
     found = read_points(tmp_path / "a.xyz")
     assert found.places == pytest.approx(DATA)
     assert any("40 points at 0, 0, 0 are left out" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("place", [(-9999, -9999, -9999), (4.0, 5.0, -32768.0)])
+def test_places_that_stand_for_none_are_left_out(tmp_path, place):
+    path = tmp_path / "a.xyz"
+    path.write_text(PLAIN + lines(np.tile(place, (3, 1))))
+    found = read_points(path)
+    assert found.places == pytest.approx(DATA)
+    assert re.match(r"3 points with [xz] = -\d+ are left out", found.notes[0])

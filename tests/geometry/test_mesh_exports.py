@@ -196,6 +196,10 @@ def test_coordinates_far_from_the_origin_keep_their_shape_or_say_what_is_lost(tm
     data += b"".join(struct.pack("<B3i", 3, *face) for face in faces)
     (tmp_path / "near.ply").write_bytes(head.format("binary_little_endian").encode() + data)
     assert noted(read_mesh(tmp_path / "near.ply"), "steps of 122 um on a size of 190 mm")
+    rows[:400] = [" ".join(f"{v:.6g}" for v in row) for row in points]
+    (tmp_path / "none.ply").write_text(head.format("ascii") + "\n".join(rows) + "\n")
+    with pytest.raises(AsperityError, match=r"area; .* it lies 5\.4e\+06 m from the origin"):
+        read_mesh(tmp_path / "none.ply")
 
 
 # OBJ

@@ -371,8 +371,12 @@ def test_a_mocap_body_is_held_with_what_is_fixed_to_it(load, toml):
         load(plate(), f'<body name="tool"><joint type="slide"/>{ball()}</body>')
 
 
-@pytest.mark.parametrize("package", ["robot_description", "other"])
-def test_packages_of_ros_are_folders(tmp_path, package):
+@pytest.mark.parametrize(
+    "start",
+    ["package://robot_description", "package://other", "model://robot_description", "file://{}"],
+)
+def test_packages_of_ros_are_folders(tmp_path, start):
+    start = start.format(tmp_path / "robot_description")
     mesh = trimesh.creation.box((0.04, 0.04, 0.01))
     (tmp_path / "robot_description" / "meshes").mkdir(parents=True)
     (tmp_path / "robot_description" / "urdf").mkdir()
@@ -380,8 +384,8 @@ def test_packages_of_ros_are_folders(tmp_path, package):
     path = tmp_path / "robot_description" / "urdf" / "r.urdf"
     sphere = f'<collision><geometry><sphere radius="{RADIUS}"/></geometry></collision>'
     path.write_text(
-        f'<robot name="r"><link name="world"><collision><geometry><mesh filename="package://'
-        f'{package}/meshes/plate.stl"/></geometry></collision></link><link name="tool"><inertial>'
+        f'<robot name="r"><link name="world"><collision><geometry><mesh filename="{start}'
+        '/meshes/plate.stl"/></geometry></collision></link><link name="tool"><inertial>'
         '<mass value="0.1"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/>'
         f'</inertial>{sphere}</link><joint name="k" type="floating"><parent link="world"/>'
         '<child link="tool"/></joint></robot>'
@@ -484,3 +488,8 @@ def test_what_scene_toml_has_wrong_is_one_short_line(load, line: str, said: str)
     with pytest.raises(AsperityError, match=said) as refused:
         load(plate(), tool(ball()), toml=TOML + line + "\n")
     assert len(str(refused.value)) <= 300 + len("/scene.toml")
+
+
+def test_a_tool_beside_what_is_only_seen_is_doubted(load) -> None:
+    seen = load(plate('contype="0" conaffinity="0"'), tool(ball()))
+    assert noted(seen, "all other geoms are only seen: 'tool' touches nothing")

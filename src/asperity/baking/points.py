@@ -38,6 +38,9 @@ PACKED = (*POINTS[:4], ".ply", *TEXTS)
 FEWEST = 16
 _FEW, _LONG = 9, 16
 """Columns of points at most, and lines a column from which they are no map."""
+_MISSING = (-9999.0, -32767.0, -32768.0, -99999.0)
+_FAR = 10.0
+"""Coordinates that stand for none, so many times as far from all others as these span."""
 _SAMPLE = 200
 """Lines from which the form of a text is found."""
 _FIRST = 40
@@ -132,6 +135,17 @@ def read_points(path: Path) -> Points:
             f"{count} points at 0, 0, 0 are left out: scanners write what is not seen so",
         )
         good &= ~at_origin
+    for axis in range(3):
+        values = places[good, axis]
+        lowest = float(values.min(initial=0.0))
+        others = values[values != lowest] if lowest in _MISSING else values[:0]
+        if others.size and others.min() - lowest > _FAR * np.ptp(others):
+            notes = (
+                *notes,
+                f"{len(values) - others.size} points with {'xyz'[axis]} = {lowest:g} are left out: "
+                "it stands for what is missing",
+            )
+            good &= places[:, axis] != lowest
     left = np.count_nonzero(good)
     if left < FEWEST:
         raise AsperityError(f"{path}: {left} points are too few; valid: {FEWEST} or more")

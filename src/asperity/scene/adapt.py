@@ -376,10 +376,9 @@ def _doubt(model: mujoco.MjModel, tool: int, out: Adapted) -> None:
         )
     kinds, partners = model.geom_contype, model.geom_conaffinity
     others = [i for i in touched if i not in mine]
-    if others and not any(
-        kinds[i] & partners[j] or partners[i] & kinds[j] for i in mine for j in others
-    ):
-        out.notes.append(f"by contype and conaffinity {out.tool!r} touches nothing")
+    if not any(kinds[i] & partners[j] or partners[i] & kinds[j] for i in mine for j in others):
+        why = "by contype and conaffinity" if others else "all other geoms are only seen:"
+        out.notes.append(f"{why} {out.tool!r} touches nothing")
 
 
 def _stated(xml: str) -> dict[str, Any]:

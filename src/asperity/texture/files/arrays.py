@@ -109,17 +109,16 @@ def _placed(stored: Stored, arrays: dict[str, Any]) -> Stored | None:
     size, values = [], stored.values
     for axis, of in zip((1, 0), _PLACE_KEYS, strict=True):
         named = next(filter(None, map(of.fullmatch, arrays)), None)
-        places = arrays[named.group()] if named else np.zeros(0)
-        if values.ndim != 2 or places.shape != values.shape[axis : axis + 1] or len(places) < 3:
+        places = arrays[named.group()] if named else None
+        if values.ndim != 2 or places is None or places.dtype.kind not in "iuf":
+            return None
+        if places.shape != values.shape[axis : axis + 1] or len(places) < 3:
             return None
         steps = np.diff(places.astype(np.float64))
         if steps[0] == 0.0 or not np.allclose(steps, steps.mean(), rtol=1e-3, atol=0.0):
             return None
-        if steps[0] < 0.0:
-            values = np.flip(values, axis)
-        size.append(
-            abs(float(steps.mean())) * SHORT[named.group(2) if named and named.group(2) else "m"]
-        )
+        values = np.flip(values, axis) if steps[0] < 0.0 else values
+        size.append(abs(float(steps.mean())) * SHORT[(named and named.group(2)) or "m"])
     notes = (*stored.notes, "its pixel size is that of the places x and y beside the heights")
     return stored._replace(values=values, pixel_size=(size[0], size[1]), notes=notes)
 

@@ -82,8 +82,7 @@ def columns_of_heights(values: Array, names: Sequence[str] | None) -> tuple[int,
     named = _by_names(names, count) if names is not None else None
     if named is not None and len(named) == 2 and count == 3 and not _grows(values[:, named[0]]):
         # Names of x and y, and of something else: points, for the places of a profile grow.
-        *places, other = *named, *({0, 1, 2} - {*named})
-        return *places, other
+        return *named, next(at for at in range(3) if at not in named)
     return named or _by_numbers(values)
 
 
