@@ -150,3 +150,15 @@ def test_places_beside_heights_in_npz(tmp_path: Path) -> None:
     assert found.pixel_size == pytest.approx((PIXEL, 2 * PIXEL))
     np.savez(tmp_path / "b.npz", z_um=HEIGHTS, spacing_um=10.0)
     assert read_heights(tmp_path / "b.npz").pixel_size == pytest.approx(PIXEL)
+
+
+def test_a_unit_given_is_that_of_the_cells_of_a_grid_too(tmp_path: Path) -> None:
+    head = "ncols 30\nnrows 20\nxllcorner 0\nyllcorner 0\ncellsize 10\n"
+    text = head + rows(HEIGHTS[::-1], " ")
+    found = read(tmp_path / "a.asc", text, pixel_size=None)
+    same(found)
+    assert found.pixel_size == pytest.approx(PIXEL)
+    assert "places and heights in um, as given" in found.notes
+    same(read(tmp_path / "a.asc", text, unit=None))  # in which the cell is the given pixel
+    text = text.replace("cellsize 10", "cellsize 1e-5")  # in um it would be less than an atom
+    assert read(tmp_path / "b.asc", text, pixel_size=None).pixel_size == pytest.approx(PIXEL)

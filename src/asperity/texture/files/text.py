@@ -329,8 +329,8 @@ def _matrix(table: TextTable, values: Array, header: Header) -> Stored:
         notes.append(f"its values are in {header.unit!r}, which is no length")
         return Stored(values, tuple(notes), size, None, header.unit)
     if header.scale is None:
-        notes.append(NO_UNIT)
-        return Stored(values, tuple(notes), size, 1.0)
+        notes.append(NO_UNITS if header.follows else NO_UNIT)
+        return Stored(values, tuple(notes), size, 1.0, sizes_follow=header.follows)
     said = header.unit or short_unit(header.scale)
     notes.append(f"heights in {said}, as the file states")
     return Stored(values, tuple(notes), size, header.scale, said)

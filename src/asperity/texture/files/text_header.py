@@ -116,6 +116,8 @@ class Header(NamedTuple):
     notes: tuple[str, ...] = ()
     shape: tuple[int, int] | None = None
     """Rows and columns."""
+    follows: bool = False
+    """Whether the pixel is in the unit of the heights, which is not said."""
 
 
 def read_header(
@@ -156,6 +158,7 @@ def read_header(
         width, height, None if pair[0] is None else pair, unit, scale, found.get("nodata"),  # type: ignore[arg-type]
         {"width", "height"} <= {*found} or len(lengths) == 2 or "grid" in found, tuple(notes),
         (int(found["rows"]), int(found["columns"])) if {"rows", "columns"} <= {*found} else None,
+        "follows" in found and scale is None,
     )  # fmt: skip
 
 
@@ -204,6 +207,8 @@ def _findings(
         elif meaning == "pixel" or meaning in ("pixel_x", "pixel_y"):
             if metres is not None or bare in ("cellsize", "dx", "dy"):
                 found.setdefault(meaning, number * (metres or 1.0))
+            if metres is None and bare == "cellsize":
+                found["follows"] = 1.0
         elif metres is not None and number > 0.0:
             if meaning or not (_STEP.search(bare) or _ELSEWHERE.search(bare)):
                 lengths.append((label, number * metres))
