@@ -149,6 +149,16 @@ def test_a_tiff_may_state_its_pixel_size(tmp_path) -> None:
     found = read_heights(tmp_path / "geo.tif", unit="m")
     assert found.pixel_size == 0.5
     assert any("is that plausible? A pixel size of 500 mm" in note for note in found.notes)
+    feet = (1, 1, 0, 2, 1024, 0, 1, 1, 3076, 0, 1, 9002)
+    tags = [(33550, "d", 3, (0.01, 0.02, 0.0), True), (34735, "H", 12, feet, True)]
+    tifffile.imwrite(tmp_path / "feet.tif", heights, extratags=tags)
+    found = read_heights(tmp_path / "feet.tif", unit="um")
+    assert found.pixel_size == pytest.approx((0.003048, 0.006096))
+    turned = [0.0, 2e-3, 0.0, 5e5, 1e-3, 0.0, 0.0, 4e6, *[0.0] * 7, 1.0]
+    tags = [(34264, "d", 16, turned, True), (34735, "H", 8, keys, True)]
+    tifffile.imwrite(tmp_path / "turned.tif", heights, extratags=tags)
+    found = read_heights(tmp_path / "turned.tif", unit="um")
+    assert found.pixel_size == pytest.approx((1e-3, 2e-3))
     tifffile.imwrite(tmp_path / "inch.tif", heights, resolution=(72, 72), resolutionunit="INCH")
     with pytest.raises(SurfaceError, match="choose a value for pixel_size"):
         read_heights(tmp_path / "inch.tif", unit="um")
@@ -445,6 +455,12 @@ def test_a_preview_before_the_picture_is_not_read(tmp_path: Path) -> None:
     found = read_heights(tmp_path / "a.tif", **SCALED)
     like(found)
     assert any("the first that is no preview of 2" in note for note in found.notes)
+
+
+def test_luminance_beside_chrominance_is_grey(tmp_path: Path) -> None:
+    grey = Image.fromarray(np.round(255 * SHARE).astype(np.uint8))
+    grey.convert("YCbCr").save(tmp_path / "a.tif")
+    like(read_heights(tmp_path / "a.tif", **SCALED))
 
 
 def test_a_compression_that_python_lacks_is_read_by_pillow(tmp_path: Path, monkeypatch) -> None:

@@ -89,7 +89,7 @@ def _require_body(name: Any, key: str, names: list[str]) -> None:
     if name not in names:
         raise AsperityError(
             f"{key} names {name!r}, a body that scene.xml does not have"
-            f"{did_you_mean(name, names)}; it has: {', '.join(names)}"
+            f"{did_you_mean(name, names)}; it has: {', '.join(names) or 'none'}"
         )
 
 

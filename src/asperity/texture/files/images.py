@@ -306,7 +306,7 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
             f"{path}: its colours are {page.photometric.name} (L*a*b*), whose lightness is no "
             "height; valid: grey, or red, green and blue"
         )
-    if page.photometric == kinds.SEPARATED:  # inks: Pillow makes colours of them
+    if page.photometric in (kinds.SEPARATED, kinds.YCBCR):  # inks: Pillow makes colours of them
         return _without_nodata(_read_pillow(path)._replace(pixel_size=tiff_pixel_size(file)), page)
     try:
         pixels = page.asarray()
