@@ -333,3 +333,13 @@ def test_places_that_stand_for_none_are_left_out(tmp_path, place):
     found = read_points(path)
     assert found.places == pytest.approx(DATA)
     assert re.match(r"3 points with [xz] = -\d+ are left out", found.notes[0])
+
+
+@pytest.mark.parametrize("names", ["range,azimuth,elevation", "r,theta,phi", "a,b,c"])
+def test_three_columns_whose_names_are_no_axes_are_doubted(tmp_path, names):
+    (tmp_path / "a.csv").write_text(f"{names}\n" + lines(DATA, ","))
+    found = read_points(tmp_path / "a.csv")
+    assert any("are x, y and z in columns 1, 2, 3?" in note for note in found.notes)
+    (tmp_path / "b.csv").write_text("Unit,mm\nx,y,z\n" + lines(DATA, ","))
+    found = read_points(tmp_path / "b.csv")
+    assert (found.unit, found.notes) == ("mm", ())

@@ -363,9 +363,9 @@ def _line_by_line(path: Path, lines: list[str], form: _Form) -> Array:
 
 
 def _are_names(above: list[str], form: _Form) -> bool:
-    """Return whether a line above more than three columns has a word for each of them."""
+    """Return whether a line above the points has a word for each of their columns."""
     words = [word.strip() for line in above for word in line.lstrip("#/%").split(form.separator)]
-    return 3 < form.width == len(words) and not any(map(is_number, words))
+    return form.width == len(words) and not any(map(is_number, words))
 
 
 def _counts_lines(lines: list[str], form: _Form) -> bool:
