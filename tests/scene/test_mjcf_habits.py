@@ -493,3 +493,17 @@ def test_what_scene_toml_has_wrong_is_one_short_line(load, line: str, said: str)
 def test_a_tool_beside_what_is_only_seen_is_doubted(load) -> None:
     seen = load(plate('contype="0" conaffinity="0"'), tool(ball()))
     assert noted(seen, "all other geoms are only seen: 'tool' touches nothing")
+
+
+def test_a_file_named_with_backslashes_is_found_and_saved(load, tmp_path) -> None:
+    picture = io.BytesIO()
+    Image.fromarray(np.round(255 * np.tile(WAVES, (33, 1))).astype(np.uint8)).save(picture, "png")
+    texture = (
+        "[bodies.plate.texture]\nfile = 'maps\\a.png'\npixel_size = 1e-4\nheight_range = 1e-5\n"
+    )
+    scene = load(
+        plate(), tool(ball()), toml=TOML + texture, files={"maps/a.png": picture.getvalue()}
+    )
+    assert body(scene, "plate").texture is not None
+    scene.save(tmp_path / "saved")
+    assert body(asperity.load_scene(tmp_path / "saved"), "plate").texture is not None

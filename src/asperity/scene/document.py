@@ -257,8 +257,12 @@ def _wanted(kinds: set[str], sequences: bool) -> str:
 
 
 def beside(folder: Path | None, name: str) -> Path:
-    """Return the path of a file named in a document; relative names lie in the given folder."""
-    return (folder or Path()) / Path(name).expanduser()
+    """Return the path of a file named in a document; relative names lie in the given folder.
+
+    Backslashes are those of Windows where there is no such file.
+    """
+    path = (folder or Path()) / Path(name).expanduser()
+    return path if "\\" not in name or path.exists() else beside(folder, name.replace("\\", "/"))
 
 
 def at(key: str, make: Callable[[], Any]) -> Any:
