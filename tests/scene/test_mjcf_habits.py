@@ -507,3 +507,19 @@ def test_a_file_named_with_backslashes_is_found_and_saved(load, tmp_path) -> Non
     assert body(scene, "plate").texture is not None
     scene.save(tmp_path / "saved")
     assert body(asperity.load_scene(tmp_path / "saved"), "plate").texture is not None
+
+
+def test_a_picture_of_a_material_need_not_be_there(load) -> None:
+    head = (
+        '<asset><texture name="t" type="2d" file="no.png"/><material name="m" texture="t"/></asset>'
+    )
+    scene = load(plate('material="m"'), tool(ball()), head=head)
+    assert noted(scene, "pictures on materials are left out: no.png")
+
+
+def test_a_tool_without_geoms_and_contact_that_is_switched_off_are_named(load) -> None:
+    bare = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    with pytest.raises(AsperityError, match=r"'tool', .*; those that can be touched: plate"):
+        load(plate(), tool(bare))
+    off = load(plate(), tool(ball()), head='<option><flag contact="disable"/></option>')
+    assert noted(off, "by the flags of option 'tool' touches nothing")

@@ -42,6 +42,7 @@ _UNUSED_ELEMENTS = {
 }  # fmt: skip
 _ACROSS = 1e-4, 2.0
 """Smallest and largest tool whose size is not doubted [m]."""
+_NO_CONSTRAINT = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -352,6 +353,8 @@ def _read_contact(xml: str, out: Adapted) -> None:
     if out.tool not in bodies:
         return
     _doubt(model, bodies[out.tool], out)
+    if model.opt.disableflags & (mujoco.mjtDisableBit.mjDSBL_CONTACT | _NO_CONSTRAINT):
+        out.notes.append(f"by the flags of option {out.tool!r} touches nothing")
     pairs = [divmod(int(pair), 1 << 16) for pair in model.exclude_signature]
     apart = [b for pair in pairs if bodies[out.tool] in pair for b in pair]
     names = [model.body(b).name for b in dict.fromkeys(apart) if b != bodies[out.tool]]

@@ -87,9 +87,10 @@ def check_document(document: Table, body_names: Iterable[str]) -> None:
 
 def _require_body(name: Any, key: str, names: list[str]) -> None:
     if name not in names:
+        known = shortened(names, 150) or "none"
         raise AsperityError(
             f"{key} names {name!r}, a body that scene.xml does not have"
-            f"{did_you_mean(name, names)}; it has: {', '.join(names) or 'none'}"
+            f"{did_you_mean(name, names)}; those that can be touched: {known}"
         )
 
 

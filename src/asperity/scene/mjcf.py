@@ -153,6 +153,7 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
         else:
             spec = mujoco.MjSpec.from_string(here)
             spec.modelfiledir = str(path.parent)
+        notes = _without_pictures(spec)  # first, so that none has to be there
         model = spec.compile()
         for mesh in spec.meshes:
             if mesh.file:
@@ -164,7 +165,6 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
                 start = model.hfield_adr[hfield.id]
                 hfield.userdata = model.hfield_data[start:][: hfield.nrow * hfield.ncol].tolist()
                 hfield.file = ""
-        notes = _without_pictures(spec)
         return spec.to_xml(), notes
     except AsperityError:
         raise
