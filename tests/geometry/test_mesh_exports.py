@@ -202,6 +202,18 @@ def test_coordinates_far_from_the_origin_keep_their_shape_or_say_what_is_lost(tm
         read_mesh(tmp_path / "none.ply")
 
 
+def test_a_vertex_that_no_face_uses_may_be_nan(tmp_path):
+    rows = ["{:g} {:g} {:g}".format(*row) for row in CORNERS]
+    faces = ["3 {} {} {}".format(*face) for face in FACES]
+    head = "ply\nformat ascii 1.0\nelement vertex 9\n"
+    head += "".join(f"property float {c}\n" for c in "xyz")
+    head += "element face 12\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "a.ply").write_text(head + "\n".join([*rows, "nan nan nan", *faces]) + "\n")
+    mesh = read_mesh(tmp_path / "a.ply")
+    is_box(mesh)
+    assert noted(mesh, "1 vertex dropped that no triangle uses")
+
+
 # OBJ
 
 

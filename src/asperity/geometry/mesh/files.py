@@ -107,7 +107,10 @@ def mesh_of(
     _check_unit(name, vertices, faces, unit)
     materials, numbers = _used(contents)
     is_whole = faces.min() >= 0 and faces.max() < len(vertices)
-    coarse = coarse_note(vertices[np.unique(faces)], UNITS[unit]) if is_whole else None
+    used = np.unique(faces)
+    coarse = coarse_note(vertices[used], UNITS[unit]) if is_whole else None
+    if is_whole and len(used) < len(vertices) and np.isfinite(vertices[used]).all():
+        vertices[~np.isin(np.arange(len(vertices)), used)] = 0.0  # scanners have NaN there
     try:
         mesh = mesh_from_arrays(
             vertices * UNITS[unit], faces, uv=uv, normals=normals, hard_angle=hard_angle,
