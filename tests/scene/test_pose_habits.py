@@ -115,3 +115,8 @@ def test_the_columns_of_a_robot_s_matrix(tmp_path: Path) -> None:
     head = ",".join(["time", *names, "px", "py", "pz"]) + "\n"
     columns = matrices.transpose(0, 2, 1).reshape(N, 9)
     check(read(tmp_path / "a.csv", head + "\n".join(lines(T, columns, P))))
+
+
+def test_a_unit_in_a_line_that_a_spreadsheet_has_filled_with_empty_cells(tmp_path: Path) -> None:
+    text = "Units,mm,,,,,,\n" + HEAD + "\n".join(lines(T, 1e3 * P, Q))
+    check(read(tmp_path / "a.csv", text))

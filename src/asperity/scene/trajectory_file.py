@@ -372,7 +372,9 @@ def _units_above(text: TextTable, layout: Layout) -> Layout:
 
 def _in_comments(text: TextTable, word: re.Pattern[str], units: dict[str, float]) -> float | None:
     """Return the unit that lines above the rows state, but for the names; None unless it is one."""
-    lines = [line for line in text.header if len(line.split(text.separator)) != text.columns]
+    # Spreadsheets write empty cells behind a line, as many as there are columns.
+    cells = [[cell for cell in line.split(text.separator) if cell] for line in text.header]
+    lines = [line for line, own in zip(text.header, cells, strict=True) if len(own) != text.columns]
     stated = {units.get(found.casefold()) for line in lines for found in word.findall(line)}
     return stated.pop() if len(stated) == 1 else None
 
