@@ -162,3 +162,11 @@ def test_a_unit_given_is_that_of_the_cells_of_a_grid_too(tmp_path: Path) -> None
     same(read(tmp_path / "a.asc", text, unit=None))  # in which the cell is the given pixel
     text = text.replace("cellsize 10", "cellsize 1e-5")  # in um it would be less than an atom
     assert read(tmp_path / "b.asc", text, pixel_size=None).pixel_size == pytest.approx(PIXEL)
+
+
+def test_a_head_that_a_spreadsheet_has_filled_with_empty_cells(tmp_path: Path) -> None:
+    head = ["XY calibration,10,um", "Horizontal,30", "Vertical,20", "Unit,um", "", "Height"]
+    padded = "".join(line + "," * (29 - line.count(",")) + "\n" for line in head)
+    found = read(tmp_path / "a.csv", padded + rows(HEIGHTS[::-1]), unit=None, pixel_size=None)
+    same(found)
+    assert found.pixel_size == pytest.approx(PIXEL)

@@ -237,7 +237,8 @@ def _two_lengths(label: str, text: str) -> tuple[float, float] | None:
 
 def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
     for line in lines:
-        line = _POWER.sub(lambda m: f"{m.group(1) or 1}e{m.group(2)} ", line.replace('"', ""))
+        bare = line.replace('"', "").rstrip(" ,;\t")  # spreadsheets fill lines with empty cells
+        line = _POWER.sub(lambda m: f"{m.group(1) or 1}e{m.group(2)} ", bare)
         match, spaced = _PAIR.fullmatch(line), _SPACED.fullmatch(line)
         if match is None or (spaced and spaced.group(1).casefold() in (*_GRID, "nodata_value")):
             match = spaced  # the comma may be a decimal one
