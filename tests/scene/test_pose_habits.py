@@ -120,3 +120,26 @@ def test_the_columns_of_a_robot_s_matrix(tmp_path: Path) -> None:
 def test_a_unit_in_a_line_that_a_spreadsheet_has_filled_with_empty_cells(tmp_path: Path) -> None:
     text = "Units,mm,,,,,,\n" + HEAD + "\n".join(lines(T, 1e3 * P, Q))
     check(read(tmp_path / "a.csv", text))
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("before", [0, 1])
+@pytest.mark.parametrize("behind", [0, 1, 2])
+@pytest.mark.parametrize("cell", ["", "ok"])
+def test_names_count_beside_empty_columns(tmp_path, separator, before, behind, cell) -> None:
+    names = ["", "time", "x", "y", "z", "qx", "qy", "qz", "qw", "button", "state"]
+    rows = []
+    for k, row in enumerate(lines(T, P, np.roll(Q, -1, axis=1))):
+        more = cell if k % 3 else ""  # not in the first row
+        rows.append(separator.join([*[more] * before, *row.split(","), *[more] * behind]))
+    head = separator.join(names[1 - before : 9 + behind])
+    found = read(tmp_path / "a.csv", "\n".join([head, *rows]))
+    check(found)
+    assert not any("no names" in note for note in found.notes)
+
+
+def test_names_behind_the_sign_of_a_comment_that_separates_too(tmp_path: Path) -> None:
+    text = ";" + HEAD.replace(",", ";") + "\n".join(lines(T, P, Q)).replace(",", ";")
+    found = read(tmp_path / "a.txt", text)
+    check(found)
+    assert not any("no names" in note for note in found.notes)

@@ -187,9 +187,9 @@ def is_count(line: str, rest: str) -> bool:
     return len(below) > 2 and len(counts) == 1 and _cells(line) not in counts
 
 
-def is_label(line: str, rest: str) -> bool:
+def is_label(line: str, rest: str, texts: bool) -> bool:
     """Return whether numbers behind an empty cell are names, as of bodies: words are below them."""
     if not line.startswith((",", ";")):
         return False
     below = next((row for row in rest.split("\n") if row.strip()), "")
-    return bool(below) and not is_row(below, False)
+    return bool(below) and not is_row(below, texts)

@@ -42,6 +42,7 @@ from asperity.errors import AsperityError
 
 _MARKS = "#%;!\"'/*"
 _NAMES = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
+_LETTER = re.compile(r"[^\W\d]")
 _BLANK = re.compile(r"\n[ \t\r]*\n")
 
 
@@ -72,23 +73,34 @@ class TextTable:
     """What a row is in the file."""
     numbers: Array | None = field(default=None, compare=False, repr=False)
     """All rows, of a large file in which each line is one and holds nothing but numbers."""
+    whole: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    """Lines above the numbers as they are, empty cells at their beginning too."""
+    full: int = 0
+    """Cells of the first row, with those that are empty in all rows."""
 
     @property
     def names(self) -> tuple[str, ...] | None:
         """Names of the columns: the last line above the numbers that has one for each."""
-        for line in reversed(self.header):
+        for line, whole in reversed([*zip(self.header, self.whole or self.header, strict=True)]):
             if re.match(r"\s*(?!unnamed)[\w -]+:\s", line, re.IGNORECASE):  # pandas has Unnamed: 0
                 continue
             # Spaces alone separate names where each may have a unit: other lines are titles.
             spaced = (None,) if "[" in line or "(" in line else ()
             for separator in (self.separator, "\t", ";", ",", *spaced):
-                cells = line.split(separator) if separator else None
-                if cells is not None and len(cells) != self.columns:
-                    cells = line.rstrip(separator).split(separator)
-                found = _NAMES.findall(line) if cells is None else cells
-                if len(found) == self.columns and any(re.search(r"[^\W\d]", n) for n in found):
+                found = _NAMES.findall(line) if separator is None else self._split(line, separator)
+                if separator is not None and whole.startswith(separator):
+                    first = self._split(whole, separator)  # whose name is empty, or a comment
+                    found = first if len(first) == self.columns else found
+                if len(found) == self.columns and any(map(_LETTER.search, found)):
                     return tuple(name.strip().strip("\"'").strip() for name in found)
         return None
+
+    def _split(self, line: str, separator: str) -> list[str]:
+        """Return the cells of a line above, without those whose column is empty."""
+        cells = line.split(separator)
+        if self.columns < len(cells) == self.full:
+            return cells[: self.columns]
+        return cells if len(cells) == self.columns else line.rstrip(separator).split(separator)
 
     def values(self, columns: list[int] | None = None) -> Array:
         """Return the numbers of some columns, or of all, (rows, columns); NaN where missing.
@@ -130,7 +142,7 @@ class TextTable:
         lines = []
         for line in body.split("\n"):
             cells = bare(line).split(self.separator)
-            if len(cells) == self.columns + 1 and not cells[-1].strip():
+            while len(cells) > self.columns and not cells[-1].strip():
                 cells.pop()
             blank = not any(cell.strip() for cell in cells)
             lines.append("" if blank else self.separator.join(map(_cell, cells)))
@@ -253,17 +265,18 @@ def _table(
     path: Path, text: str, texts: bool, error: type[AsperityError], *, is_whole: bool = True
 ) -> TextTable:
     """Return the table in a text, or in the first part of one."""
-    start, number, header, above = 0, 0, [], ""
+    start, number, header, whole, above = 0, 0, [], [], ""
     while start < len(text):
         end = text.find("\n", start)
         end = len(text) if end < 0 else end
         line, number = text[start:end], number + 1
         rest = text[end + 1 : end + 4000]
         counts = is_count(line, rest) and not (texts and is_almost_empty(line))
-        if is_row(line, texts) and not counts and not is_label(line, rest):
+        if is_row(line, texts) and not counts and not is_label(line, rest, texts):
             break
         if line.strip():
             header.append(line.strip().lstrip(_MARKS).strip())
+            whole.append(line.strip(" \r"))
             above = line
         start = end + 1
     else:
@@ -283,7 +296,11 @@ def _table(
             f"{path}: line {number - 1}: {wrong!r} is no number; valid: numbers, and nan for what "
             "is missing"
         )
-    return TextTable(path, tuple(header), body, number, separator, decimal, columns, error)
+    full = len(sample[0].split(separator))
+    return TextTable(
+        path, tuple(header), body, number, separator, decimal, columns, error, whole=tuple(whole),
+        full=full,
+    )  # fmt: skip
 
 
 def _width(body: str, separator: str | None, first: str) -> int:

@@ -133,9 +133,11 @@ def read_points(path: Path) -> Points:
         notes += (f"{count} points at 0, 0, 0 are left out: scanners write what is not seen so",)
         good &= ~at_origin
     for axis in range(3):
+        lowest = float(np.fmin.reduce(places[:, axis], initial=0.0))
+        if lowest not in _MISSING:
+            continue
         values = places[good, axis]
-        lowest = float(values.min(initial=0.0))
-        others = values[values != lowest] if lowest in _MISSING else values[:0]
+        others = values[values != lowest]
         if others.size and others.min() - lowest > _FAR * np.ptp(others):
             notes = (
                 *notes,

@@ -65,7 +65,7 @@ def names_of(table: TextTable) -> tuple[str, ...] | None:
     units = [name.strip("[]() ") for name in names or ()]
     if names is None or not any(units) or not all(length_of(u) or u in ("", "-") for u in units):
         return names
-    above = replace(table, header=table.header[:-1]).names
+    above = replace(table, header=table.header[:-1], whole=table.whole[:-1]).names
     if above is None:
         return names
     return tuple(f"{name} [{u}]" if u else name for name, u in zip(above, units, strict=True))
