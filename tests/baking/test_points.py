@@ -324,3 +324,53 @@ def test_points_at_the_origin_were_not_seen(tmp_path):
     found = read_points(tmp_path / "a.xyz")
     assert found.places == pytest.approx(DATA)
     assert any("40 points at 0, 0, 0 are left out" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("place", [(-9999, -9999, -9999), (4.0, 5.0, -32768.0)])
+def test_places_that_stand_for_none_are_left_out(tmp_path, place):
+    path = tmp_path / "a.xyz"
+    path.write_text(PLAIN + lines(np.tile(place, (3, 1))))
+    found = read_points(path)
+    assert found.places == pytest.approx(DATA)
+    assert re.match(r"3 points with [xz] = -\d+ are left out", found.notes[0])
+
+
+@pytest.mark.parametrize("names", ["range,azimuth,elevation", "r,theta,phi", "a,b,c"])
+def test_three_columns_whose_names_are_no_axes_are_doubted(tmp_path, names):
+    (tmp_path / "a.csv").write_text(f"{names}\n" + lines(DATA, ","))
+    found = read_points(tmp_path / "a.csv")
+    assert any("are x, y and z in columns 1, 2, 3?" in note for note in found.notes)
+    (tmp_path / "b.csv").write_text("Unit,mm\nx,y,z\n" + lines(DATA, ","))
+    found = read_points(tmp_path / "b.csv")
+    assert (found.unit, found.notes) == ("mm", ())
+
+
+def rows_with(cells, separator, last):
+    """Rows of z, y, x, and a cell that every third row has, first or last."""
+    for k, row in enumerate(DATA):
+        own = [f"{value:.4f}" for value in row[::-1]]
+        more = cells if k % 3 else ""
+        yield separator.join([*own, more] if last else [more, *own])
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("last", [True, False])
+@pytest.mark.parametrize("cells", ["", "0.5", "ok"])
+def test_cells_that_are_empty_in_some_rows_or_in_all(tmp_path, separator, last, cells):
+    names = ["z", "y", "x", "note"] if last else ["note", "z", "y", "x"]
+    text = [separator.join(names), *rows_with(cells, separator, last)]
+    (tmp_path / "a.csv").write_text("\n".join(text) + "\n")
+    found = read_points(tmp_path / "a.csv")
+    assert found.places == pytest.approx(DATA)  # the first row too, which has no such cell
+
+
+@pytest.mark.parametrize("gap", ["", "N/A", "***", "Bad"])
+@pytest.mark.parametrize("axis", [0, 2])
+def test_places_that_are_missing_are_left_out(tmp_path, gap, axis):
+    rows = [line.split(",") for line in PLAIN_ROWS]
+    for row in rows[7::50]:
+        row[axis] = gap
+    (tmp_path / "a.csv").write_text("x,y,z\n" + "\n".join(map(",".join, rows)) + "\n")
+    found = read_points(tmp_path / "a.csv")
+    assert len(found.places) == COUNT - 6
+    assert "6 points without a place are left out" in found.notes

@@ -65,6 +65,8 @@ def text_stl(*, case=str, end="\n", ends=True, comma=False):
         (b"\xef\xbb\xbf" + text_stl(end="\r\n"), ""),
         (text_stl().decode().encode("utf-16"), ""),
         (text_stl(comma=True), ""),
+        (text_stl(end=" "), ""),
+        (text_stl().replace(b"endsolid", b"end solid"), ""),
     ],
 )
 def test_stl_as_programs_write_it(tmp_path, content, note):
@@ -194,6 +196,22 @@ def test_coordinates_far_from_the_origin_keep_their_shape_or_say_what_is_lost(tm
     data += b"".join(struct.pack("<B3i", 3, *face) for face in faces)
     (tmp_path / "near.ply").write_bytes(head.format("binary_little_endian").encode() + data)
     assert noted(read_mesh(tmp_path / "near.ply"), "steps of 122 um on a size of 190 mm")
+    rows[:400] = [" ".join(f"{v:.6g}" for v in row) for row in points]
+    (tmp_path / "none.ply").write_text(head.format("ascii") + "\n".join(rows) + "\n")
+    with pytest.raises(AsperityError, match=r"area; .* it lies 5\.4e\+06 m from the origin"):
+        read_mesh(tmp_path / "none.ply")
+
+
+def test_a_vertex_that_no_face_uses_may_be_nan(tmp_path):
+    rows = ["{:g} {:g} {:g}".format(*row) for row in CORNERS]
+    faces = ["3 {} {} {}".format(*face) for face in FACES]
+    head = "ply\nformat ascii 1.0\nelement vertex 9\n"
+    head += "".join(f"property float {c}\n" for c in "xyz")
+    head += "element face 12\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "a.ply").write_text(head + "\n".join([*rows, "nan nan nan", *faces]) + "\n")
+    mesh = read_mesh(tmp_path / "a.ply")
+    is_box(mesh)
+    assert noted(mesh, "1 vertex dropped that no triangle uses")
 
 
 # OBJ

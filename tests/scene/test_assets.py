@@ -394,6 +394,17 @@ def test_the_table_states_which_unit_is_assumed(tmp_path, kind):
     assert extent == ("ASSUMED: unit m (a.csv states none)" if kind == "points" else "given")
 
 
+def test_capitals_whole_numbers_and_options_given_twice():
+    geom, _ = primitive("Box:20X10X5MM")
+    assert geom.size == pytest.approx((0.01, 0.005, 0.0025))
+    table, _ = pattern("jittered_dots:0.8MM,seed=3")
+    assert (table["pitch"], table["seed"]) == (0.0008, 3)
+    with pytest.raises(AsperityError, match=r"seed is '1\.5'; valid: a whole number, 0 or above"):
+        pattern("jittered_dots:2mm,seed=1.5")
+    with pytest.raises(AsperityError, match="pixel_size is given twice; valid: once"):
+        file_table("a.png:pixel_size=10um,pixel_size=5um")
+
+
 def test_a_parameter_of_a_pattern_is_given_once():
     with pytest.raises(AsperityError, match="pitch is given twice; valid: once"):
         pattern("knurl:1mm,pitch=2mm")

@@ -371,8 +371,12 @@ def test_a_mocap_body_is_held_with_what_is_fixed_to_it(load, toml):
         load(plate(), f'<body name="tool"><joint type="slide"/>{ball()}</body>')
 
 
-@pytest.mark.parametrize("package", ["robot_description", "other"])
-def test_packages_of_ros_are_folders(tmp_path, package):
+@pytest.mark.parametrize(
+    "start",
+    ["package://robot_description", "package://other", "model://robot_description", "file://{}"],
+)
+def test_packages_of_ros_are_folders(tmp_path, start):
+    start = start.format(tmp_path / "robot_description")
     mesh = trimesh.creation.box((0.04, 0.04, 0.01))
     (tmp_path / "robot_description" / "meshes").mkdir(parents=True)
     (tmp_path / "robot_description" / "urdf").mkdir()
@@ -380,8 +384,8 @@ def test_packages_of_ros_are_folders(tmp_path, package):
     path = tmp_path / "robot_description" / "urdf" / "r.urdf"
     sphere = f'<collision><geometry><sphere radius="{RADIUS}"/></geometry></collision>'
     path.write_text(
-        f'<robot name="r"><link name="world"><collision><geometry><mesh filename="package://'
-        f'{package}/meshes/plate.stl"/></geometry></collision></link><link name="tool"><inertial>'
+        f'<robot name="r"><link name="world"><collision><geometry><mesh filename="{start}'
+        '/meshes/plate.stl"/></geometry></collision></link><link name="tool"><inertial>'
         '<mass value="0.1"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/>'
         f'</inertial>{sphere}</link><joint name="k" type="floating"><parent link="world"/>'
         '<child link="tool"/></joint></robot>'
@@ -463,3 +467,59 @@ def test_warnings_of_mujoco_are_notes_and_not_printed(load, capfd) -> None:
     load(plate(), tool(ball()), head=head)
     assert capfd.readouterr() == ("", "")
     assert mujoco.get_mju_user_warning() is None
+
+
+def test_contact_exclusions_hold_and_are_noted(load) -> None:
+    pair = '<exclude body1="plate" body2="tool"/>'
+    scene = load(plate(), tool(ball()), head=f"<contact>{pair}</contact>")
+    assert noted(scene, "'tool' does not touch plate, as <exclude> states")
+    pressed = asperity.Simulation(scene).step([0, 0, RADIUS - 1e-4, 1, 0, 0, 0])
+    assert not np.any(pressed)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("stifness = 3", r"unknown key force\.stifness \(did you mean force\.stiffness\?\); valid"),
+        (f"friction = 4{'0' * 400}", r"force\.friction must be finite"),
+    ],
+)
+def test_what_scene_toml_has_wrong_is_one_short_line(load, line: str, said: str) -> None:
+    with pytest.raises(AsperityError, match=said) as refused:
+        load(plate(), tool(ball()), toml=TOML + line + "\n")
+    assert len(str(refused.value)) <= 300 + len("/scene.toml")
+
+
+def test_a_tool_beside_what_is_only_seen_is_doubted(load) -> None:
+    seen = load(plate('contype="0" conaffinity="0"'), tool(ball()))
+    assert noted(seen, "all other geoms are only seen: 'tool' touches nothing")
+
+
+def test_a_file_named_with_backslashes_is_found_and_saved(load, tmp_path) -> None:
+    picture = io.BytesIO()
+    Image.fromarray(np.round(255 * np.tile(WAVES, (33, 1))).astype(np.uint8)).save(picture, "png")
+    texture = (
+        "[bodies.plate.texture]\nfile = 'maps\\a.png'\npixel_size = 1e-4\nheight_range = 1e-5\n"
+    )
+    scene = load(
+        plate(), tool(ball()), toml=TOML + texture, files={"maps/a.png": picture.getvalue()}
+    )
+    assert body(scene, "plate").texture is not None
+    scene.save(tmp_path / "saved")
+    assert body(asperity.load_scene(tmp_path / "saved"), "plate").texture is not None
+
+
+def test_a_picture_of_a_material_need_not_be_there(load) -> None:
+    head = (
+        '<asset><texture name="t" type="2d" file="no.png"/><material name="m" texture="t"/></asset>'
+    )
+    scene = load(plate('material="m"'), tool(ball()), head=head)
+    assert noted(scene, "pictures on materials are left out: no.png")
+
+
+def test_a_tool_without_geoms_and_contact_that_is_switched_off_are_named(load) -> None:
+    bare = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    with pytest.raises(AsperityError, match=r"'tool', .*; those that can be touched: plate"):
+        load(plate(), tool(bare))
+    off = load(plate(), tool(ball()), head='<option><flag contact="disable"/></option>')
+    assert noted(off, "by the flags of option 'tool' touches nothing")

@@ -143,6 +143,8 @@ def test_a_tum_without_names_has_the_scalar_last(tmp_path: Path) -> None:
         (",", ".", "2024-01-10T10:10:10{}Z"), (",", ".", "2024-01-10 23:59:59{}"),
         (";", ",", "2024-01-10T10:10:10{}+01:00"), (" ", ".", "2024-02-29T00:00:00{}"),
         (",", ".", "09:08:07{}"), ("\t", ".", "9:08:07{}"),
+        (",", ".", "10.01.2024 10:10:10{}"), (",", ".", "2024/1/10 9:10:10{}"),
+        (";", ",", "1/10/2024 12:10:10{} AM"), (",", ".", "11:10:10{} p.m."),
     ],
 )  # fmt: skip
 def test_times_of_day_are_seconds(tmp_path: Path, separator: str, decimal: str, stamp: str) -> None:
@@ -154,3 +156,17 @@ def test_times_of_day_are_seconds(tmp_path: Path, separator: str, decimal: str, 
     found = read_poses(tmp_path / "a.csv")
     np.testing.assert_allclose(found.times - found.times[0], T, atol=1e-9)
     assert "times of day are turned into seconds" in found.notes
+
+
+def test_times_of_two_days_and_dates_in_a_cell_before_them(tmp_path: Path) -> None:
+    days = [f"31.12.2023 23:59:59.{k}" for k in range(5, 10)]
+    days += [f"01.01.2024 00:00:00.{k}" for k in range(len(T) - 5)]
+    rows = [f"{d},{r}" for d, r in zip(days, table(P, Q).splitlines(), strict=True)]
+    head = "timestamp,x,y,z,qw,qx,qy,qz"
+    (tmp_path / "a.csv").write_text("\n".join([head, *rows]))
+    times = read_poses(tmp_path / "a.csv").times
+    np.testing.assert_allclose(np.diff(times), 0.1, atol=1e-9)
+    text = "\n".join([f"date,{head}", *rows[:5]])  # where spaces separate, as a cell
+    (tmp_path / "a.txt").write_text(text.replace(",", " "))
+    times = read_poses(tmp_path / "a.txt").times
+    np.testing.assert_allclose(np.diff(times), 0.1, atol=1e-9)

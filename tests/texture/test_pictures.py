@@ -149,6 +149,16 @@ def test_a_tiff_may_state_its_pixel_size(tmp_path) -> None:
     found = read_heights(tmp_path / "geo.tif", unit="m")
     assert found.pixel_size == 0.5
     assert any("is that plausible? A pixel size of 500 mm" in note for note in found.notes)
+    feet = (1, 1, 0, 2, 1024, 0, 1, 1, 3076, 0, 1, 9002)
+    tags = [(33550, "d", 3, (0.01, 0.02, 0.0), True), (34735, "H", 12, feet, True)]
+    tifffile.imwrite(tmp_path / "feet.tif", heights, extratags=tags)
+    found = read_heights(tmp_path / "feet.tif", unit="um")
+    assert found.pixel_size == pytest.approx((0.003048, 0.006096))
+    turned = [0.0, 2e-3, 0.0, 5e5, 1e-3, 0.0, 0.0, 4e6, *[0.0] * 7, 1.0]
+    tags = [(34264, "d", 16, turned, True), (34735, "H", 8, keys, True)]
+    tifffile.imwrite(tmp_path / "turned.tif", heights, extratags=tags)
+    found = read_heights(tmp_path / "turned.tif", unit="um")
+    assert found.pixel_size == pytest.approx((1e-3, 2e-3))
     tifffile.imwrite(tmp_path / "inch.tif", heights, resolution=(72, 72), resolutionunit="INCH")
     with pytest.raises(SurfaceError, match="choose a value for pixel_size"):
         read_heights(tmp_path / "inch.tif", unit="um")
@@ -431,3 +441,42 @@ def test_the_unit_of_gdal_is_that_of_the_heights(tmp_path: Path) -> None:
     write("degC")
     with pytest.raises(SurfaceError, match="height_range"):
         read_heights(path, pixel_size=PIXEL)
+
+
+# --- what stands beside the picture ---------------------------------------------------------------
+
+
+def test_a_preview_before_the_picture_is_not_read(tmp_path: Path) -> None:
+    grey = np.round(65535 * SHARE).astype(np.uint16)
+    with tifffile.TiffWriter(tmp_path / "a.tif") as file:
+        small = np.stack([grey[::4, ::4] >> 8] * 3, axis=-1).astype(np.uint8)
+        file.write(small, photometric="rgb", subfiletype=1)
+        file.write(grey)
+    found = read_heights(tmp_path / "a.tif", **SCALED)
+    like(found)
+    assert any("the first that is no preview of 2" in note for note in found.notes)
+
+
+def test_luminance_beside_chrominance_is_grey(tmp_path: Path) -> None:
+    grey = Image.fromarray(np.round(255 * SHARE).astype(np.uint8))
+    grey.convert("YCbCr").save(tmp_path / "a.tif")
+    like(read_heights(tmp_path / "a.tif", **SCALED))
+
+
+def test_a_compression_that_python_lacks_is_read_by_pillow(tmp_path: Path, monkeypatch) -> None:
+    Image.fromarray(SHARE.astype(np.float32)).save(tmp_path / "a.tif", compression="tiff_lzw")
+
+    def lacking(*_: object, **__: object) -> None:
+        raise ModuleNotFoundError("No module named 'compression'")
+
+    monkeypatch.setattr(tifffile.TiffPage, "asarray", lacking)
+    like(read_heights(tmp_path / "a.tif", **SCALED))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_grey_that_a_png_calls_clear_is_suspected(tmp_path: Path, dtype: type) -> None:
+    grey = np.round(200 * SHARE + 20).astype(dtype)
+    grey[3:5, 3:5] = 0
+    Image.fromarray(grey).save(tmp_path / "a.png", transparency=0)
+    found = read_heights(tmp_path / "a.png", **SCALED)
+    assert "are its 4 clear pixels missing? nodata=0" in found.notes

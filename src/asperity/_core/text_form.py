@@ -11,13 +11,14 @@ _MISSING_WORDS = """
     nan na n/a #n/a #na null none nil - -- --- ----- * ** *** bad void masked missing invalid
     nodata no_data nm undefined undef hole #name? #value! #div/0! #num! 1.#qnan -1.#qnan 1.#ind
     -1.#ind 1.#inf -1.#inf 1.#snan inf -inf +inf infinity -infinity ? #### over under overflow
-    -nan nan(ind) -nan(ind) fehlt ungültig
+    -nan nan(ind) -nan(ind) <na> n.a. n/d lost fehlt ungültig
+    #nv #n/d #wert! #bezug! #zahl! #ref! #valeur! #nombre! #valor! #¡valor! #¡num! #null!
 """
 MISSING = frozenset(_MISSING_WORDS.split())
 """Words for a missing value, in lower case; so is an empty cell."""
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?")
 WORD = re.compile(r"[^\s,;]+")
-_COMMENT = re.compile(r"(?i)(?<!\.)#(?!n/?a|name|value|div|num|#)")
+_COMMENT = re.compile(r"(?i)(?<!\.)#(?!n/?[ad]\b|nv\b|[^\s,;#]{2,9}[!?]|#)")
 TWO_WORDS = re.compile(r"(?i)\b(no|not)[ _](data|value|measured)\b")
 """Words for a missing value that are two."""
 _QUOTED_COMMA = re.compile(r'"[+-]?[\d.]*\d,\d[\d.,]*"')
@@ -30,8 +31,12 @@ def _grouped(mark: str, decimal: str) -> re.Pattern[str]:
     return re.compile(rf"^{number}(?=[;\t])|(?<=[;\t]){number}(?=[;\t\r\n]|$)", re.MULTILINE)
 
 
-_GROUPED = {",": _grouped(",", "."), ".": _grouped(".", ",")}
-"""Cells that show which mark groups thousands: `1,234.5`, `1.234,5`."""
+_GROUPED = {",": _grouped(",", "."), ".": _grouped(".", ","), " ": _grouped(" ", ".,")}
+"""Cells that show which mark groups thousands: `1,234.5`, `1.234,5`, `1 234,5`."""
+_NEVER_BETWEEN = re.compile(r"(?<=\d)['’\u00a0\u2009\u202f](?=\d{3}(?!\d))")
+"""Marks that group thousands and stand between no cells: Swiss, French."""
+_HEAD = 20_000
+"""Characters in which marks that group thousands show."""
 LOOKED_AT, OPENING = 40, 200_000
 """Rows from which the separator is found, within so many characters."""
 _CONTROLS = re.compile(r"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f]")
@@ -57,8 +62,10 @@ def without_groups(text: str) -> str:
     """
     if '"' in text and ";" not in text and _QUOTED_COMMA.search(text):
         text = "\n".join(";".join(cells) for cells in csv.reader(text.splitlines()))
+    head = text[:_HEAD]
+    if _NEVER_BETWEEN.search(head):
+        text = _NEVER_BETWEEN.sub("", text)
     for mark, grouped in _GROUPED.items():
-        head = text[:20_000]
         if (";" in head or "\t" in head) and grouped.search(head):
             text = re.sub(rf"(?<=\d)[{mark}](?=\d{{3}})", "", text)
     return text
@@ -138,10 +145,27 @@ def is_row(line: str, texts: bool) -> bool:
     if not words or line.lstrip().startswith(("%", "//")):
         return False
     numbers = sum(_NUMBER.fullmatch(word.replace("−", "-")) is not None for word in words)
-    if numbers == len(words) or (texts and len(words) >= 8):
-        return 2 * numbers > len(words)
     missing = sum(word.lower() in MISSING for word in words)
-    return numbers + missing == len(words) and (numbers > 0 or len(words) > 3)
+    if numbers + missing == len(words):
+        return numbers > 0 or len(words) > 3
+    return texts and len(words) >= 8 and 2 * numbers > len(words)
+
+
+def is_almost_empty(line: str) -> bool:
+    """Return whether a line is a row of which all but the first cells are missing."""
+    return re.sub(r"[ \r]", "", line).endswith((",,,", ";;;", "\t\t\t"))
+
+
+def are_decimal_commas(rows: list[str]) -> bool:
+    """Return whether commas between cells are decimal marks too, as in `0,012,1,5`.
+
+    Every second cell is then the fraction of a number: some of these begin with 0, no other does.
+    """
+    cells = [row.strip().strip(",").split(",") for row in rows if row.strip()]
+    if not cells or any(len(row) % 2 or len(row) < 4 for row in cells):
+        return False
+    padded = [[re.match(r"\s*[+-]?0\d", cell) is not None for cell in row] for row in cells]
+    return any(any(row[1::2]) for row in padded) and not any(any(row[::2]) for row in padded)
 
 
 def _cells(line: str) -> int:
@@ -163,9 +187,9 @@ def is_count(line: str, rest: str) -> bool:
     return len(below) > 2 and len(counts) == 1 and _cells(line) not in counts
 
 
-def is_label(line: str, rest: str) -> bool:
+def is_label(line: str, rest: str, texts: bool) -> bool:
     """Return whether numbers behind an empty cell are names, as of bodies: words are below them."""
     if not line.startswith((",", ";")):
         return False
     below = next((row for row in rest.split("\n") if row.strip()), "")
-    return bool(below) and not is_row(below, False)
+    return bool(below) and not is_row(below, texts)

@@ -22,10 +22,12 @@ from asperity._core.text_form import (
     OPENING,
     TWO_WORDS,
     WORD,
+    are_decimal_commas,
     bare,
     decoded,
     first_rows,
     format_of,
+    is_almost_empty,
     is_count,
     is_footer,
     is_label,
@@ -40,6 +42,7 @@ from asperity.errors import AsperityError
 
 _MARKS = "#%;!\"'/*"
 _NAMES = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
+_LETTER = re.compile(r"[^\W\d]")
 _BLANK = re.compile(r"\n[ \t\r]*\n")
 
 
@@ -70,23 +73,34 @@ class TextTable:
     """What a row is in the file."""
     numbers: Array | None = field(default=None, compare=False, repr=False)
     """All rows, of a large file in which each line is one and holds nothing but numbers."""
+    whole: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    """Lines above the numbers as they are, empty cells at their beginning too."""
+    full: int = 0
+    """Cells of the first row, with those that are empty in all rows."""
 
     @property
     def names(self) -> tuple[str, ...] | None:
         """Names of the columns: the last line above the numbers that has one for each."""
-        for line in reversed(self.header):
+        for line, whole in reversed([*zip(self.header, self.whole or self.header, strict=True)]):
             if re.match(r"\s*(?!unnamed)[\w -]+:\s", line, re.IGNORECASE):  # pandas has Unnamed: 0
                 continue
             # Spaces alone separate names where each may have a unit: other lines are titles.
             spaced = (None,) if "[" in line or "(" in line else ()
             for separator in (self.separator, "\t", ";", ",", *spaced):
-                cells = line.split(separator) if separator else None
-                if cells is not None and len(cells) != self.columns:
-                    cells = line.rstrip(separator).split(separator)
-                found = _NAMES.findall(line) if cells is None else cells
-                if len(found) == self.columns and any(re.search(r"[^\W\d]", n) for n in found):
+                found = _NAMES.findall(line) if separator is None else self._split(line, separator)
+                if separator is not None and whole.startswith(separator):
+                    first = self._split(whole, separator)  # whose name is empty, or a comment
+                    found = first if len(first) == self.columns else found
+                if len(found) == self.columns and any(map(_LETTER.search, found)):
                     return tuple(name.strip().strip("\"'").strip() for name in found)
         return None
+
+    def _split(self, line: str, separator: str) -> list[str]:
+        """Return the cells of a line above, without those whose column is empty."""
+        cells = line.split(separator)
+        if self.columns < len(cells) == self.full:
+            return cells[: self.columns]
+        return cells if len(cells) == self.columns else line.rstrip(separator).split(separator)
 
     def values(self, columns: list[int] | None = None) -> Array:
         """Return the numbers of some columns, or of all, (rows, columns); NaN where missing.
@@ -128,7 +142,7 @@ class TextTable:
         lines = []
         for line in body.split("\n"):
             cells = bare(line).split(self.separator)
-            if len(cells) == self.columns + 1 and not cells[-1].strip():
+            while len(cells) > self.columns and not cells[-1].strip():
                 cells.pop()
             blank = not any(cell.strip() for cell in cells)
             lines.append("" if blank else self.separator.join(map(_cell, cells)))
@@ -251,16 +265,18 @@ def _table(
     path: Path, text: str, texts: bool, error: type[AsperityError], *, is_whole: bool = True
 ) -> TextTable:
     """Return the table in a text, or in the first part of one."""
-    start, number, header, above = 0, 0, [], ""
+    start, number, header, whole, above = 0, 0, [], [], ""
     while start < len(text):
         end = text.find("\n", start)
         end = len(text) if end < 0 else end
         line, number = text[start:end], number + 1
         rest = text[end + 1 : end + 4000]
-        if is_row(line, texts) and not is_count(line, rest) and not is_label(line, rest):
+        counts = is_count(line, rest) and not (texts and is_almost_empty(line))
+        if is_row(line, texts) and not counts and not is_label(line, rest, texts):
             break
         if line.strip():
             header.append(line.strip().lstrip(_MARKS).strip())
+            whole.append(line.strip(" \r"))
             above = line
         start = end + 1
     else:
@@ -268,15 +284,38 @@ def _table(
     body = without_footer(text[start:]) if is_whole else text[start:]
     sample = [bare(line).strip(" \r") for line in first_rows(body)]
     separator, decimal = format_of([line for line in sample if line.strip()])
-    first = sample[0].rstrip(separator) if separator else sample[0]
-    columns = len(first.split(separator))
+    columns = _width(body, separator, sample[0])
+    if separator == "," and decimal == "." and "." not in body and are_decimal_commas(sample):
+        raise error(
+            f"{path}: commas are decimal marks in it and stand between the numbers too; valid: "
+            "semicolons or tabs between them, or decimal points"
+        )
     wrong = wrong_word(above, separator, columns)
     if wrong:
         raise error(
             f"{path}: line {number - 1}: {wrong!r} is no number; valid: numbers, and nan for what "
             "is missing"
         )
-    return TextTable(path, tuple(header), body, number, separator, decimal, columns, error)
+    full = len(sample[0].split(separator))
+    return TextTable(
+        path, tuple(header), body, number, separator, decimal, columns, error, whole=tuple(whole),
+        full=full,
+    )  # fmt: skip
+
+
+def _width(body: str, separator: str | None, first: str) -> int:
+    """Return the number of columns: empty cells that end the first row count if others have them.
+
+    A separator behind each row separates nothing.
+    """
+    full = len(first.rstrip(separator).split(separator)) if separator else len(first.split())
+    there = len(first.split(separator))
+    if separator is None or there == full:
+        return full
+    cell = rf"[^\n{separator}]*"
+    last = rf"^(?:{cell}{separator}){{{full},{there - 1}}}{cell}[^\s{separator}]"
+    counts = (found.group().count(separator) + 1 for found in re.finditer(last, body, re.MULTILINE))
+    return max(counts, default=full)
 
 
 def _word(match: re.Match[str]) -> str:

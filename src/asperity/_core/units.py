@@ -17,16 +17,19 @@ LENGTHS = {
     "nm": 1e-9, "nanometer": 1e-9, "nanometers": 1e-9, "nanometre": 1e-9, "nanometres": 1e-9,
     "нм": 1e-9, "pm": 1e-12,
     "å": 1e-10, "angstrom": 1e-10, "angstroms": 1e-10, "ångström": 1e-10, "ang": 1e-10,
-    "kå": 1e-7, "inch": 0.0254, "inches": 0.0254, "in": 0.0254, "mil": 2.54e-5, "thou": 2.54e-5,
+    "kå": 1e-7, "inch": 0.0254, "inches": 0.0254, "in": 0.0254, "mil": 2.54e-5, "mils": 2.54e-5,
+    "thou": 2.54e-5,
     "μin": 2.54e-8, "uin": 2.54e-8, "μinch": 2.54e-8, "microinch": 2.54e-8, "microinches": 2.54e-8,
-    "ƒêm": 1e-6, "¦ìm": 1e-6, "¥ìm": 1e-6,
+    "ƒêm": 1e-6, "¦ìm": 1e-6, "¥ìm": 1e-6, "ìì": 1e-3, "ìêì": 1e-6, "íì": 1e-9,
 }  # fmt: skip
-"""Units of length [m], in lower case; the last are μm of Asian code pages."""
+"""Units of length [m], in lower case; the last are those of Asian and Cyrillic code pages."""
 TIMES = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
     "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3, "milliseconds": 1e-3, "millis": 1e-3,
     "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "usec": 1e-6, "microsecond": 1e-6, "microseconds": 1e-6,
     "ns": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "nanosecond": 1e-9, "nanoseconds": 1e-9,
+    "min": 60.0, "mins": 60.0, "minute": 60.0, "minutes": 60.0,
+    "h": 3600.0, "hr": 3600.0, "hrs": 3600.0, "hour": 3600.0, "hours": 3600.0,
 }  # fmt: skip
 """Units of time [s], in lower case."""
 ANGLES = {
@@ -45,7 +48,7 @@ _TIMES_A_UNIT = re.compile(
 )
 """A power of ten of units: `1e-6 m`, `x10^-6 m`."""
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_AMBIGUOUS = ("in", "ang", "m", "s", "м")
+_AMBIGUOUS = ("in", "ang", "m", "s", "м", "min", "h")
 """Words that stand for a unit only in brackets, or behind a sign."""
 
 

@@ -18,7 +18,7 @@ from asperity._core.arrays import Array
 from asperity._core.files import columns_of, reading, text_of
 from asperity._core.large_tables import numbers_of
 from asperity._core.plain_tables import head_of, plain_numbers
-from asperity._core.text_form import is_number, without_groups
+from asperity._core.text_form import MISSING, are_decimal_commas, is_number, without_groups
 from asperity._core.units import LENGTHS, named_unit
 from asperity._core.unpacking import content_of
 from asperity.baking.las import read_las
@@ -38,11 +38,14 @@ PACKED = (*POINTS[:4], ".ply", *TEXTS)
 FEWEST = 16
 _FEW, _LONG = 9, 16
 """Columns of points at most, and lines a column from which they are no map."""
+_MISSING = (-9999.0, -32767.0, -32768.0, -99999.0)
+_FAR = 10.0
+"""Coordinates that stand for none, so many times as far from all others as these span."""
 _SAMPLE = 200
 """Lines from which the form of a text is found."""
 _FIRST = 40
 """Lines from which it is found where all others are read by it."""
-_FORMS = ((";", ","), (",", "."), (None, "."), (None, ","))
+_FORMS = ((";", ","), (",", "."), (None, "."), (None, ","), ("\t", "."), ("\t", ","))
 """What stands between numbers (None: spaces or tabs), and the decimal sign; a point always may."""
 _AXES = {
     "x": "x", "y": "y", "z": "z", "east": "x",
@@ -127,11 +130,21 @@ def read_points(path: Path) -> Points:
         at_origin &= (places[:, 1:] == 0.0).all(axis=1)
     count = np.count_nonzero(at_origin)
     if count > 1:
-        notes = (
-            *notes,
-            f"{count} points at 0, 0, 0 are left out: scanners write what is not seen so",
-        )
+        notes += (f"{count} points at 0, 0, 0 are left out: scanners write what is not seen so",)
         good &= ~at_origin
+    for axis in range(3):
+        lowest = float(np.fmin.reduce(places[:, axis], initial=0.0))
+        if lowest not in _MISSING:
+            continue
+        values = places[good, axis]
+        others = values[values != lowest]
+        if others.size and others.min() - lowest > _FAR * np.ptp(others):
+            notes = (
+                *notes,
+                f"{len(values) - others.size} points with {'xyz'[axis]} = {lowest:g} are left out: "
+                "it stands for what is missing",
+            )
+            good &= places[:, axis] != lowest
     left = np.count_nonzero(good)
     if left < FEWEST:
         raise AsperityError(f"{path}: {left} points are too few; valid: {FEWEST} or more")
@@ -155,7 +168,7 @@ def holds_points(path: Path) -> bool:
     if form.width == 3 or is_long:
         return True
     more = [_numbers(row, form.separator, form.decimal)[3:] for row in rows[:_SAMPLE]]
-    return len(rows) > 2 * form.width and all(v == int(v) and v >= 0 for row in more for v in row)
+    return len(rows) > 2 * form.width and all(v % 1 == 0 and v >= 0 for row in more for v in row)
 
 
 def _plain(data: bytes) -> str:
@@ -165,20 +178,25 @@ def _plain(data: bytes) -> str:
 
 
 def _numbers(line: str, separator: str | None, decimal: str, *, texts: bool = False) -> list[float]:
-    """Return the numbers of a line; an empty list if anything in it is none.
+    """Return the numbers of a line; an empty list if anything in it is none, or all is missing.
 
-    With `texts` words are NaN, if there are three numbers beside them.
+    What is missing is NaN, but for cells at the end. With `texts` words are, if there are three
+    numbers beside them.
     """
-    words = line.strip().rstrip(";,").split(separator)
+    words = line.strip(" \r" if separator == "\t" else None).rstrip(";,\t").split(separator)
     if decimal == ",":
         words = [word.replace(",", ".") for word in words]
     try:
         return [float(word) for word in words]
     except ValueError:
-        known = [is_number(word) for word in words]
-        if not texts or sum(known) < 3:
-            return []
-        return [float(word) if known[i] else math.nan for i, word in enumerate(words)]
+        values = [float(word) if is_number(word) else math.nan for word in words]
+    known = sum(value == value for value in values)
+    is_gap = all(is_number(word) or _is_missing(word) for word in words)
+    return values if known and (is_gap or (texts and known >= 3)) else []
+
+
+def _is_missing(word: str) -> bool:
+    return not word.strip() or word.strip().lower() in MISSING
 
 
 def _form(lines: list[str]) -> _Form | None:
@@ -189,7 +207,7 @@ def _form(lines: list[str]) -> _Form | None:
 
 def _form_of(lines: list[str], *, texts: bool) -> _Form | None:
     best: tuple[int, _Form] | None = None
-    marks = {".", *(mark for mark in ";," if any(mark in line for line in lines[: 2 * _SAMPLE]))}
+    marks = {".", *(mark for mark in ";,\t" if any(mark in line for line in lines[: 2 * _SAMPLE]))}
     for separator, decimal in _FORMS:
         if (separator or decimal) not in marks:
             continue
@@ -200,30 +218,49 @@ def _form_of(lines: list[str], *, texts: bool) -> _Form | None:
         width = max(set(widths), key=widths.count)
         share = widths.count(width)
         first = next(i for i, row in enumerate(rows) if len(row) == width)
-        if best is None or share > best[0]:
-            names, units = _heading(lines[:first], separator, width)
-            wordless = [k for k, value in enumerate(rows[first]) if not (texts and value != value)]
-            columns = tuple(names.index(axis) for axis in "xyz") if names else tuple(wordless[:3])
-            counts = [row[0] for row in rows[:first] if len(row) == 1 and row[0] == int(row[0])]
-            count = int(counts[-1]) if counts else None
-            form = _Form(first, separator, decimal, width, columns, names, units, count, texts)
+        full = _cells(lines[first], separator)
+        while first and len(rows[first - 1]) > 2 and _cells(lines[first - 1], separator) == full:
+            first -= 1  # rows whose last cells are empty
+        names, units, below = _heading(lines[: first + 1], separator, width)
+        wordless = [k for k, value in enumerate(rows[first]) if not (texts and value != value)]
+        columns = tuple(names.index(axis) for axis in "xyz") if names else tuple(wordless[:3])
+        while names and first > below and _holds(lines[first - 1], separator, decimal, columns):
+            first -= 1  # rows that have words, or fewer cells
+        counts = [row[0] for row in rows[:first] if len(row) == 1 and row[0] % 1 == 0]
+        count = int(counts[-1]) if counts else None
+        form = _Form(first, separator, decimal, width, columns, names, units, count, texts)
+        if best is None or (share, bool(names)) > (best[0], bool(best[1].names)):
             best = (share, form)
     return None if best is None else best[1]
 
 
-def _heading(
-    above: list[str], separator: str | None, width: int
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the axes that columns are, "" for others, and the units that their names state.
+def _holds(line: str, separator: str | None, decimal: str, columns: tuple[int, ...]) -> bool:
+    """Return whether a line has numbers in some columns, whatever the others have."""
+    words = line.strip(" \r").replace(decimal, ".").split(separator)
+    return len(words) > max(columns) and all(is_number(words[k]) for k in columns)
 
-    Empty if no line above names x, y and z. A column that is named x alone wins over `pos_x`.
+
+def _cells(line: str, separator: str | None) -> int:
+    """Return how many cells a line has, empty ones at its end too."""
+    return len(line.strip(" \r").split(separator))
+
+
+def _heading(
+    lines: list[str], separator: str | None, width: int
+) -> tuple[tuple[str, ...], tuple[str, ...], int]:
+    """Return the axes that columns are, "" for others, their units, and the line below their names.
+
+    Empty if no line above the last, the first row, names x, y and z; it may have more cells, which
+    are empty. A column that is named x alone wins over `pos_x`.
     """
+    *above, row = lines
     for at, line in reversed([*enumerate(above)]):
         plain = line.strip().lstrip("#/%").strip()
         for cut in dict.fromkeys((separator, ",", ";", "\t", None)):
             words = [word.strip() for word in plain.split(cut)]
-            if len(words) != width:
+            if len(words) != width and not width < len(words) == _cells(row, cut):
                 continue
+            words = words[:width]
             for axis_of in (_alone, _within):
                 found = [axis_of(word) for word in words]
                 axes = tuple(axis for axis, _ in found)
@@ -234,8 +271,8 @@ def _heading(
                         cells = [cell.strip("[]() \r") for cell in above[at + 1].split(cut)]
                         below = dict(zip(axes, cells, strict=False))
                         units = [re.sub("[µμ]", "u", below.get(axis, "")) for axis in "xyz"]
-                    return axes, tuple(unit if unit in UNITS else "" for unit in units)
-    return (), ()
+                    return axes, tuple(unit if unit in UNITS else "" for unit in units), at + 1
+    return (), (), 0
 
 
 def _alone(name: str) -> tuple[str, str]:
@@ -274,6 +311,11 @@ def _text(path: Path) -> Points:
         )
     if not form.names and len(_ON_THE_GLOBE.findall("\n".join(lines[: form.first]))) > 1:
         raise AsperityError(f"{path}: has latitude and longitude; valid: x, y, z (project them)")
+    if form.separator == "," and are_decimal_commas(lines[form.first :][:_SAMPLE]):
+        raise AsperityError(
+            f"{path}: commas are decimal marks in it and stand between the numbers too; valid: "
+            "semicolons or tabs between them, or decimal points"
+        )
     notes = []
     if not form.names and form.width > 3 and _counts_lines(lines, form):
         form = form._replace(columns=(1, 2, 3))
@@ -336,7 +378,9 @@ def _line_by_line(path: Path, lines: list[str], form: _Form) -> Array:
         values = _numbers(line, form.separator, form.decimal, texts=form.texts)
         if len(values) >= form.width or len(values) > max(form.columns):
             places.append([values[k] for k in form.columns])
-        elif line.strip() and not (len(values) == 1 or line.lstrip()[:2] == "//"):
+        elif line.rstrip(" \r")[-1:] in (",", ";", "\t") or all(map(_is_missing, line.split())):
+            places += [[math.nan] * 3] * bool(line.strip())
+        elif not (len(values) == 1 or line.lstrip()[:2] == "//"):
             raise AsperityError(
                 f"{path}: line {number} is {line.strip()[:40]!r}; valid: x, y and z"
             )
@@ -344,9 +388,9 @@ def _line_by_line(path: Path, lines: list[str], form: _Form) -> Array:
 
 
 def _are_names(above: list[str], form: _Form) -> bool:
-    """Return whether a line above more than three columns has a word for each of them."""
+    """Return whether a line above the points has a word for each of their columns."""
     words = [word.strip() for line in above for word in line.lstrip("#/%").split(form.separator)]
-    return 3 < form.width == len(words) and not any(map(is_number, words))
+    return form.width == len(words) and not any(map(is_number, words))
 
 
 def _counts_lines(lines: list[str], form: _Form) -> bool:

@@ -38,10 +38,11 @@ _NOT_READ = {
 """Attributes of contact that are not used, and what holds instead."""
 _UNUSED_ELEMENTS = {
     "equality": "constraints", "tendon": "tendons", "actuator": "actuators",
-    "pair": "contact pairs", "exclude": "contact exclusions", "deformable": "deformable bodies",
+    "pair": "contact pairs", "deformable": "deformable bodies",
 }  # fmt: skip
 _ACROSS = 1e-4, 2.0
 """Smallest and largest tool whose size is not doubted [m]."""
+_NO_CONSTRAINT = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -352,6 +353,13 @@ def _read_contact(xml: str, out: Adapted) -> None:
     if out.tool not in bodies:
         return
     _doubt(model, bodies[out.tool], out)
+    if model.opt.disableflags & (mujoco.mjtDisableBit.mjDSBL_CONTACT | _NO_CONSTRAINT):
+        out.notes.append(f"by the flags of option {out.tool!r} touches nothing")
+    pairs = [divmod(int(pair), 1 << 16) for pair in model.exclude_signature]
+    apart = [b for pair in pairs if bodies[out.tool] in pair for b in pair]
+    names = [model.body(b).name for b in dict.fromkeys(apart) if b != bodies[out.tool]]
+    if names:
+        out.notes.append(f"{out.tool!r} does not touch {', '.join(names)}, as <exclude> states")
     if "friction" not in stated:
         return
     out.frictions = frictions(model, bodies[out.tool], out.notes)
@@ -371,10 +379,9 @@ def _doubt(model: mujoco.MjModel, tool: int, out: Adapted) -> None:
         )
     kinds, partners = model.geom_contype, model.geom_conaffinity
     others = [i for i in touched if i not in mine]
-    if others and not any(
-        kinds[i] & partners[j] or partners[i] & kinds[j] for i in mine for j in others
-    ):
-        out.notes.append(f"by contype and conaffinity {out.tool!r} touches nothing")
+    if not any(kinds[i] & partners[j] or partners[i] & kinds[j] for i in mine for j in others):
+        why = "by contype and conaffinity" if others else "all other geoms are only seen:"
+        out.notes.append(f"{why} {out.tool!r} touches nothing")
 
 
 def _stated(xml: str) -> dict[str, Any]:

@@ -8,31 +8,45 @@ from datetime import UTC, datetime
 
 from asperity._core.text_table import TextTable
 
-_CLOCK = re.compile(
-    r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,2}):(\d\d):(\d\d)([.,]\d{1,9})?(?:Z|[+-]\d\d:?\d\d)?"
-)
+
+def _clock(between: str) -> re.Pattern[str]:
+    """Return the pattern of a time of day, also behind a date and one of some characters."""
+    return re.compile(
+        rf"(?:(\d{{1,4}}([-/.])\d{{1,2}}\2\d{{1,4}})[{between}])?(\d{{1,2}}):(\d\d):(\d\d)"
+        r"([.,]\d{1,9})?(?:Z|[+-]\d\d:?\d\d)?(?: ?([AaPp])\.?[Mm]\b\.?)?"
+    )
+
+
+_CLOCK, _JOINED = _clock("T _"), _clock("T_")
+_ISO = re.compile(r"\d{4}-\d\d-\d\d")
 
 
 def in_seconds(text: TextTable) -> tuple[TextTable, str]:
     """Return a table whose times of day are seconds since its first day began, and a note.
 
-    `10:31:05.250`, or `2024-01-10T10:31:05.250Z`: seconds since 1970 if it has a date. A table
-    without such times is returned as it is, with "". Zones are left out: a file has one.
+    `10:31:05.250`, or `2024-01-10T10:31:05.250Z`: seconds since 1970 if it has a date. Dates in
+    other orders are counted as they come. A table without such times is returned as it is, with
+    "". Zones are left out: a file has one.
     """
-    found = _CLOCK.search(text.body[:2000].partition("\n")[0])
-    if found is None or (text.separator is None and " " in found.group()):
-        return text, ""  # where spaces separate, date and time are two cells
+    clock = _JOINED if text.separator is None else _CLOCK  # else date and time are two cells
+    if clock.search(text.body[:2000].partition("\n")[0]) is None:
+        return text, ""
+    dates: dict[str, int] = {}
 
     def seconds(match: re.Match[str]) -> str:
-        date, hours, minutes, rest, part = match.groups()
-        days = 0
-        if date:
+        date, _, hours, minutes, rest, part, half = match.groups()
+        days, hour = 0, int(hours)
+        if date and _ISO.fullmatch(date):
             days = datetime.fromisoformat(date).replace(tzinfo=UTC).toordinal() - 719163
-        whole = 86400 * days + 3600 * int(hours) + 60 * int(minutes) + int(rest)
+        elif date:
+            days = dates.setdefault(date, len(dates))
+        if half:
+            hour = hour % 12 + 12 * (half in "Pp")
+        whole = 86400 * days + 3600 * hour + 60 * int(minutes) + int(rest)
         return f"{whole}{(part or '').replace(',', text.decimal).replace('.', text.decimal)}"
 
     try:
-        body = _CLOCK.sub(seconds, text.body)
+        body = clock.sub(seconds, text.body)
     except ValueError:  # a date that no calendar has
         return text, ""
     return replace(text, body=body), "times of day are turned into seconds"

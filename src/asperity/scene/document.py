@@ -7,7 +7,7 @@ may have are the parameters of the function that creates it.
 from __future__ import annotations
 
 import inspect
-import math
+import sys
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -87,9 +87,10 @@ def check_document(document: Table, body_names: Iterable[str]) -> None:
 
 def _require_body(name: Any, key: str, names: list[str]) -> None:
     if name not in names:
+        known = shortened(names, 150) or "none"
         raise AsperityError(
             f"{key} names {name!r}, a body that scene.xml does not have"
-            f"{did_you_mean(name, names)}; it has: {', '.join(names)}"
+            f"{did_you_mean(name, names)}; those that can be touched: {known}"
         )
 
 
@@ -106,7 +107,13 @@ def require_keys(table: Table, where: str, valid: Iterable[str]) -> None:
         if key not in known:
             dotted = f"{where}.{key}" if where else key
             hint = did_you_mean(key, known, f"{where}.{{}}" if where else "{}")
-            raise AsperityError(f"unknown key {dotted}{hint}; valid: {', '.join(known)}")
+            raise AsperityError(f"unknown key {dotted}{hint}; valid: {shortened(known, 180)}")
+
+
+def shortened(words: Iterable[str], most: int) -> str:
+    """Return words with commas, in so many letters at most."""
+    text = ", ".join(words)
+    return text if len(text) <= most else f"{text[:most].rpartition(',')[0]}, ..."
 
 
 def arguments(table: Table, where: str, makes: Callable[..., Any] | type) -> dict[str, Any]:
@@ -210,8 +217,8 @@ def _typed(value: Any, key: str, annotation: str) -> Any:
         if "bool" in kinds:
             return value
     elif isinstance(value, int | float):
-        if not math.isfinite(value):
-            raise AsperityError(f"{key} must be finite, got {value!r}")
+        if not _is_number(value):  # whole numbers may be larger than floats
+            raise AsperityError(f"{key} must be finite, got {str(value)[:20]}")
         if "float" in kinds:
             return float(value)
         if "int" in kinds and isinstance(value, int):
@@ -233,7 +240,8 @@ def _kinds(annotation: str) -> tuple[set[str], bool]:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    known = isinstance(value, int | float) and not isinstance(value, bool)
+    return known and abs(value) <= sys.float_info.max
 
 
 def _wanted(kinds: set[str], sequences: bool) -> str:
@@ -250,8 +258,12 @@ def _wanted(kinds: set[str], sequences: bool) -> str:
 
 
 def beside(folder: Path | None, name: str) -> Path:
-    """Return the path of a file named in a document; relative names lie in the given folder."""
-    return (folder or Path()) / Path(name).expanduser()
+    """Return the path of a file named in a document; relative names lie in the given folder.
+
+    Backslashes are those of Windows where there is no such file.
+    """
+    path = (folder or Path()) / Path(name).expanduser()
+    return path if "\\" not in name or path.exists() else beside(folder, name.replace("\\", "/"))
 
 
 def at(key: str, make: Callable[[], Any]) -> Any:

@@ -36,8 +36,9 @@ MOST_SEEN = 50_000
 _FILES = re.compile(r"<robot\b|\bfile\w*\s*=")
 """What is read through MuJoCo's own reader: URDF, and MJCF that names files."""
 _XACRO = re.compile(r"<xacro:|\$\{|\$\(find ")
-_PACKAGE = re.compile(r"package://([^/\"']+)/([^\"']+)")
-"""A file of a package of ROS."""
+_PACKAGE = re.compile(r"(?:package|model)://([^/\"']+)/([^\"']+)")
+"""A file of a package of ROS, or of a model of Gazebo."""
+_FILE_URI = re.compile(r"file://(?:localhost)?(?=/)")
 TRIPLES_A_LINE = 8
 """Triples of numbers in a line of the XML."""
 MODEL = """<mujoco model="{name}">
@@ -152,6 +153,7 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
         else:
             spec = mujoco.MjSpec.from_string(here)
             spec.modelfiledir = str(path.parent)
+        notes = _without_pictures(spec)  # first, so that none has to be there
         model = spec.compile()
         for mesh in spec.meshes:
             if mesh.file:
@@ -163,7 +165,6 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
                 start = model.hfield_adr[hfield.id]
                 hfield.userdata = model.hfield_data[start:][: hfield.nrow * hfield.ncol].tolist()
                 hfield.file = ""
-        notes = _without_pictures(spec)
         return spec.to_xml(), notes
     except AsperityError:
         raise
@@ -172,7 +173,7 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
 
 
 def _without_packages(xml: str, path: Path) -> str:
-    """Return the text of a URDF whose `package://` are paths of files, where they are there.
+    """Return the text of a URDF whose `package://` and `file://` are paths, where they are there.
 
     A package is a folder of its name, of this file or beside one of its; or it is this file's,
     whatever its folder is called.
@@ -184,7 +185,7 @@ def _without_packages(xml: str, path: Path) -> str:
         own = next((place / rest for place in places if (place / rest).is_file()), None)
         return match.group() if own is None else own.as_posix()
 
-    return _PACKAGE.sub(found, xml)
+    return _PACKAGE.sub(found, _FILE_URI.sub("", xml))
 
 
 def _write_in(mesh: Any, model: mujoco.MjModel) -> None:

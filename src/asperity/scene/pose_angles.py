@@ -53,6 +53,10 @@ def turn_of(path: object, names: Sequence[str], words: Sequence[Sequence[str]]) 
     AsperityError
         Two columns of one angle, or angles in different units.
     """
+    at_name = {name.strip().lower(): at for at, name in enumerate(names)}
+    if all(f"{column}{axis}" in at_name for column in "noa" for axis in "xyz"):
+        entries = (at_name[f"{column}{axis}"] for axis in "xyz" for column in "noa")
+        return Turn(tuple(entries), "matrix")  # normal, orientation, approach: of robots
     found: dict[int, list[int]] = {}
     kinds = set()
     for at, own in enumerate(words):

@@ -34,8 +34,8 @@ def _set(words: str) -> frozenset[str]:
 
 
 _TIMES = _set(
-    "time timestamp stamp stamps timestamps times t sec secs seconds zeit temps tiempo tempo "
-    "elapsed nanosec nsecs"
+    "time timestamp stamp stamps timestamps times t ts sec secs seconds zeit temps tiempo tempo "
+    "elapsed nanosec nsecs epoch datetime zeitstempel horodatage"
 )
 _FRACTIONS = ("nsec", "nsecs", "nanosec", "nanosecs")
 """Names of the nanoseconds beside whole seconds."""
@@ -53,6 +53,8 @@ _OTHER = _set(
 """Words of columns that are no poses."""
 _AXES = {"0": "w", "1": "x", "2": "y", "3": "z", "i": "x", "j": "y", "k": "z", "real": "w",
          "scalar": "w", "re": "w", "r": "w"} | {axis: axis for axis in "wxyz"}  # fmt: skip
+_IN_FRAMES = re.compile(r"([tq])([wxyz])_[a-z]\w*_\w+")
+"""An axis before the names of the frames that it relates, as Aria's `tx_world_device`."""
 _ANGLES = re.compile(r"\b(roll|pitch|yaw|euler|azimuth|heading|deg|rad|r[xyz])\b", re.IGNORECASE)
 _FUSED = re.compile(r"(q|quat|rot|ori|o|r|p|t|pos|tip|trans)([wxyz0-3ijkr])")
 _KNOWN = "time, x, y, z, qw, qx, qy, qz, as pos_x, tx, position.x, quat_w, orientation.w and others"
@@ -88,10 +90,14 @@ def _words(name: str) -> list[str]:
     """Return the words of a column's name, in lower case, units left out."""
     bare = re.sub(r"[\[(].*?[\])]", " ", name).strip(" \"'#%")
     bare = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", bare)
+    if framed := _IN_FRAMES.fullmatch(bare):
+        return [*framed.groups()]
     words = [word.lower() for word in re.split(r"[^A-Za-z0-9]+", bare) if word]
     while len(words) > 1 and any(words[-1] in units for units in (LENGTHS, TIMES, ANGLES)):
         if words[-1] in (*_FRACTIONS, "secs", "sec"):
             break
+        if words[-1] in ("min", "h") and words[-2] not in _TIMES:
+            break  # x_min is no x
         words.pop()
     out: list[str] = []
     for at, word in enumerate(words):

@@ -146,7 +146,9 @@ def _records_within(path: Path, leaves: _Leaves) -> tuple[list[Any], _Leaves]:
         for name, value in lists.items()
         if any(meaning_of(column) for column in names_of(name, _shape(value[0]), []))
     }
-    lengths = [*(meant or {name: len(value) for name, value in lists.items()}).values()]
+    if not meant:
+        raise _refused(path, f"it holds no poses ({', '.join(lists)[:80]})")
+    lengths = [*meant.values()]
     if len({*lengths}) > 1:
         shown = ", ".join(f"{name} has {length}" for name, length in meant.items())
         raise _refused(path, f"its lists differ in length: {shown[:120]}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 from asperity._core.text_table import TextTable
 from asperity.errors import AsperityError
@@ -17,6 +18,8 @@ _RATE = re.compile(r"\b(?:frame\W?rate|capture rate|frequency|fps)\b\W*(\d+\.?\d
 _ALONE = re.compile(r"(\d+\.?\d*)[\s,;]*")
 _SECTIONS = ("objects", "segments", "trajectories", "joints", "model outputs")
 """Lines of Vicon's above the one of its frames in a second."""
+_BODY = re.compile(r"(?i)(?:^|[\W_])(?:id|name|body|device|tracker|object|serial)$")
+"""Names of columns that may tell bodies apart."""
 _FRAMES = ("frame", "frame#", "frames", "frame number", "sample")
 
 
@@ -95,6 +98,23 @@ def named_columns(path: object, names: Sequence[str], rate: float | None) -> Lay
     timed = [*names]
     timed[frames[0]] = "time"
     return layout_of(path, timed)._replace(rate=rate)
+
+
+def require_one_body(path: object, text: TextTable, names: Sequence[str]) -> None:
+    """Raise `AsperityError` if a column names several bodies, whose poses stand by turns."""
+    for at, name in enumerate(names):
+        if not _BODY.search(name.strip()):
+            continue
+        lines = text.complete().body.split("\n")
+        cells = [line.split(text.separator) for line in lines if line.strip()]
+        owners = [cell[at].strip(" \"'") for cell in cells if len(cell) > at]
+        bodies = dict.fromkeys(owners)
+        changes = sum(a != b for a, b in pairwise(owners))
+        if 1 < len(bodies) <= 0.25 * len(owners) and changes > 2 * len(bodies):  # else trials
+            raise AsperityError(
+                f"{path}: poses of {len(bodies)} bodies, {', '.join(bodies)[:90]}, as its column "
+                f"{name!r} states; valid: those of one alone"
+            )
 
 
 def _bodies(

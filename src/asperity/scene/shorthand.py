@@ -26,6 +26,8 @@ _NUMBER = r"[0-9]*\.?[0-9]+(?:e-?[0-9]+)?"
 _LENGTH = re.compile(rf"^({_NUMBER})\s*([a-zµ]*)$", re.IGNORECASE)
 NO_LENGTHS = ("hurst", "rms_slope", "direction", "angle", "jitter", "seed", "periods", "samples")
 """Parameters of patterns that are no lengths."""
+_COUNTS = ("seed", "periods", "samples")
+"""Those of them that are whole numbers."""
 OTHER_NAMES = {"ridges": "grating", "dots": "jittered_dots", "waves": "sinusoid"}
 """Short names of patterns."""
 
@@ -44,6 +46,8 @@ def file_table(text: str) -> dict[str, Any]:
         name, equals, value = word.partition("=")
         if equals:
             key = name.strip()
+            if key in table:
+                raise AsperityError(f"{text!r}: {key} is given twice; valid: once")
             table[key] = _option(value.strip())
         elif key:  # a list of words
             table[key] = f"{table[key]},{word.strip()}"
@@ -86,7 +90,7 @@ def primitive(text: str) -> tuple[Geom, str] | None:
         return None
     names = PRIMITIVES[kind].split(" x ")
     example = f"{kind}:{'x'.join(['20', '10', '5'][: len(names)])}mm"
-    words = re.split(r"\s*[x×*]\s*", rest.strip()) if colon else []
+    words = re.split(r"\s*[x×*]\s*", rest.strip().lower()) if colon else []
     last = _LENGTH.match(words[-1]) if words else None
     unit = last.group(2) if last else ""
     sizes: list[float] = []
@@ -166,7 +170,7 @@ def parameters_of(kind: str) -> list[str]:
 def _value(text: str, name: str, value: str) -> Any:
     """Return the value of a pattern's parameter: a length with its unit, an angle, or a number."""
     found = _LENGTH.match(value)
-    unit = found.group(2).replace("µ", "u") if found else ""
+    unit = found.group(2).lower().replace("µ", "u") if found else ""
     if found is not None and unit in UNITS and name not in NO_LENGTHS:
         return _length(found.group(1), unit)
     if found is not None and name in NO_LENGTHS:
@@ -174,6 +178,10 @@ def _value(text: str, name: str, value: str) -> Any:
         if unit == "deg":
             return math.radians(number)
         if unit in ("", "rad"):
-            return int(number) if name in ("seed", "periods", "samples") else number
+            if name not in _COUNTS:
+                return number
+            if number == int(number):
+                return int(number)
     valid = "a number" if name in NO_LENGTHS else "a length with a unit, such as 0.8mm"
+    valid = "a whole number, 0 or above" if name in _COUNTS else valid
     raise AsperityError(f"{text!r}: {name} is {value!r}; valid: {valid}")

@@ -22,7 +22,12 @@ from asperity.scene.pose_arrays import array_columns
 from asperity.scene.pose_columns import COLUMNS, MATRICES, ORDERS, Layout, layout_in_order
 from asperity.scene.pose_doubts import pose_doubts
 from asperity.scene.pose_json import JSON_FILES, json_table
-from asperity.scene.pose_names import named_columns, named_layout
+from asperity.scene.pose_names import (
+    frame_rate,
+    named_columns,
+    named_layout,
+    require_one_body,
+)
 from asperity.scene.pose_turns import CONVENTIONS, are_blocks, in_quaternions, matrix_layout
 from asperity.scene.trajectory import Trajectory
 
@@ -137,6 +142,7 @@ def read_poses(
         table = _read_arrays(path, order, rate_hz)
     else:
         table = _read_text(path, order, rate_hz)
+    table = _without_missing(table)
     values, turned = in_quaternions(path, table.values, table.layout, angles, angle_unit)
     notes = [*table.notes, *turned]
     poses = values[:, 1:]
@@ -254,16 +260,19 @@ def _chosen(values: Array, layout: Layout) -> Array:
 
 
 def _timed(
-    path: Path, values: Array, layout: Layout, rate: float | None, names: str = ""
-) -> tuple[Array, tuple[str, ...]]:
+    path: Path, values: Array, layout: Layout, rate: float | None, names: str = "",
+    stated: float | None = None,
+) -> tuple[Array, tuple[str, ...]]:  # fmt: skip
     """Return columns whose first is the time [s], of poses at a rate if one is given, and notes."""
     rate_of_file = layout.rate
     if layout.places[0] >= 0 and rate_of_file is None and rate is None:
         return values, ()
     if rate_of_file is not None:
         values[:, 0] = (values[:, 0] - values[0, 0]) / rate_of_file
-        stated = "given" if rate is not None else "the file states"
-        return values, (f"times are frames at {rate_of_file:g} Hz, as {stated}",)
+        by = "given" if rate is not None else "the file states"
+        return values, (f"times are frames at {rate_of_file:g} Hz, as {by}",)
+    by = "given" if rate is not None else "the file states"
+    rate = rate or stated
     if rate is None:
         among = f"no column named time{names}" if names else "no times"
         raise AsperityError(
@@ -271,7 +280,7 @@ def _timed(
         )
     values[:, 0] = np.arange(len(values)) / rate
     there = "; those of the file are left out" if layout.places[0] >= 0 else ""
-    return values, (f"times are those of {rate:g} poses in a second, as given{there}",)
+    return values, (f"times are those of {rate:g} poses in a second, as {by}{there}",)
 
 
 def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
@@ -292,6 +301,8 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
         layout, notes = _no_names(path, order, values)
     else:
         layout = _named(path, text, names, order, rate)
+        if layout.left_out and order is None:
+            require_one_body(path, text, names)
         fullest = max(text.header, key=lambda line: sum(map(str.isalpha, line)))
         shown = f" among {fullest[:70]}"
         if order is not None:
@@ -311,19 +322,35 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
         start, values[:, 0] = _exact(text.complete(), layout.places[0], values[:, 0])
     if layout.nanoseconds is not None:
         values[:, 0] += 1e-9 * text.values([layout.nanoseconds])[:, 0]
-    values, timed = _timed(path, values, layout, rate, shown)
+    values, timed = _timed(path, values, layout, rate, shown, frame_rate(text.header))
     notes = (*notes, *timed)
+    origins, is_named = _Origins(text.row, rows), names is not None or order is not None
+    return _Table(values, layout, notes, origins, is_named, start)
+
+
+def _without_missing(table: _Table) -> _Table:
+    """Return a table without its missing poses, and a note on them.
+
+    All numbers of such a pose are NaN, or its quaternion is one number four times, as 0 or -9999.
+    """
+    values = table.values
     missing = np.isnan(values[:, 1])
     if missing.any():
         missing &= np.isnan(values[:, 1:]).all(axis=1)
-    if missing.any() and not missing.all():
-        count, where = int(np.count_nonzero(missing)), rows[int(np.argmax(missing))]
-        notes = (*notes, f"{count} of {len(values)} poses are missing and left out, the first in "
-                 f"{text.row} {where}: the path across is that of the neighbours")  # fmt: skip
-        rows = [row for row, gone in zip(rows, missing, strict=True) if not gone]
-        values = values[~missing]
-    origins, is_named = _Origins(text.row, rows), names is not None or order is not None
-    return _Table(values, layout, notes, origins, is_named, start)
+    if table.layout.turn == "quaternion":
+        first = values[:, 4]
+        missing |= (values[:, 5:] == first[:, None]).all(axis=1) & (np.abs(first) != 0.5)
+    if not missing.any() or missing.all():
+        return table
+    kept = np.flatnonzero(~missing)
+    own = table.origins
+    origins = own if isinstance(own, _Origins) else _Origins("row", range(len(values)))
+    note = (
+        f"{len(values) - len(kept)} of {len(values)} poses are missing and left out, the first in "
+        f"{origins[int(np.argmax(missing))]}: the path across is that of the neighbours"
+    )
+    origins = _Origins(origins.row, [origins.numbers[k] for k in kept.tolist()])
+    return table._replace(values=values[kept], notes=(*table.notes, note), origins=origins)
 
 
 def _units_above(text: TextTable, layout: Layout) -> Layout:
@@ -345,7 +372,9 @@ def _units_above(text: TextTable, layout: Layout) -> Layout:
 
 def _in_comments(text: TextTable, word: re.Pattern[str], units: dict[str, float]) -> float | None:
     """Return the unit that lines above the rows state, but for the names; None unless it is one."""
-    lines = [line for line in text.header if len(line.split(text.separator)) != text.columns]
+    # Spreadsheets write empty cells behind a line, as many as there are columns.
+    cells = [[cell for cell in line.split(text.separator) if cell] for line in text.header]
+    lines = [line for line, own in zip(text.header, cells, strict=True) if len(own) != text.columns]
     stated = {units.get(found.casefold()) for line in lines for found in word.findall(line)}
     return stated.pop() if len(stated) == 1 else None
 

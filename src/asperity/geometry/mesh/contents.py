@@ -28,7 +28,7 @@ _FLAT = 1e-9
 _MOST_CORNERS = 2000
 """A concave polygon of more corners is read as a fan."""
 _STATED = re.compile(
-    r"\bunits?\b\s*(?:(?:are|is|in)\b\s*|[=:]\s*|(?<=\s))\"?\s*([a-z]+)"
+    r"\bunits?\b\s*(?:(?:are|is|in)\b\s*|[=:,]\s*|(?<=\s))\"?\s*([a-z]+)"
     r"|\buses ([a-z]+) as units\b"  # Maya, in each of its OBJ files
     r"|\bin (mm|cm|(?:milli|centi|micro)met(?:er|re)s?|inches|met(?:er|re)s)\b",
     flags=re.IGNORECASE,

@@ -106,11 +106,18 @@ def mesh_of(
     faces = np.concatenate([part.faces + n for part, n in zip(parts, first[:-1], strict=True)])
     _check_unit(name, vertices, faces, unit)
     materials, numbers = _used(contents)
-    mesh = mesh_from_arrays(
-        vertices * UNITS[unit], faces, uv=uv, normals=normals, hard_angle=hard_angle, name=name,
-        material=np.repeat(numbers, [len(part.faces) for part in parts]),
-    )  # fmt: skip
-    coarse = coarse_note(vertices[np.unique(faces)], UNITS[unit])
+    is_whole = faces.min() >= 0 and faces.max() < len(vertices)
+    used = np.unique(faces)
+    coarse = coarse_note(vertices[used], UNITS[unit]) if is_whole else None
+    if is_whole and len(used) < len(vertices) and np.isfinite(vertices[used]).all():
+        vertices[~np.isin(np.arange(len(vertices)), used)] = 0.0  # scanners have NaN there
+    try:
+        mesh = mesh_from_arrays(
+            vertices * UNITS[unit], faces, uv=uv, normals=normals, hard_angle=hard_angle,
+            name=name, material=np.repeat(numbers, [len(part.faces) for part in parts]),
+        )  # fmt: skip
+    except AsperityError as error:
+        raise AsperityError(f"{error}; {coarse}" if coarse else str(error)) from None
     if coarse is not None:
         notes.append(coarse)
     if normals is not None and hard_angle is None:

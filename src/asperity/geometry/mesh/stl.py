@@ -18,6 +18,7 @@ _HEAD, _RECORD = 84, 50
 _UNKNOWN = (0, 0xFFFFFFFF)
 """Counts that programs write before they know how many triangles follow."""
 _VERTEX = re.compile(r"^[ \t]*vertex[ \t]+([^\n]+)", flags=re.IGNORECASE | re.MULTILINE)
+_WORD = re.compile(r"[ \t]+((?:end)?(?:solid|facet|loop)\b|outer\b|vertex\b)", flags=re.IGNORECASE)
 
 
 def read_stl(path: Path) -> Contents:
@@ -44,11 +45,14 @@ def read_stl(path: Path) -> Contents:
 
 def _text(path: Path, text: str, out: Contents) -> Array:
     found = _VERTEX.findall(text)
+    if not found:  # several of its words stand in a line
+        text = _WORD.sub(r"\n\1", text)
+        found = _VERTEX.findall(text)
     if not found:
         return np.zeros((0, 3, 3))
     solids, ends = (
         len(re.findall(rf"^\s*{word}\b", text, flags=re.IGNORECASE | re.MULTILINE))
-        for word in ("solid", "endsolid")
+        for word in ("solid", "end[ \t]*solid")
     )
     cut = len(found) % 3 or ends < solids
     if cut and not _is_place(found[-1]):  # within the last of its lines

@@ -27,8 +27,9 @@ ARRAY_SUFFIXES = (".npy", ".npz", ".csv", ".txt", ".tsv")
 """Of arrays and text."""
 GREY_LEVELS = "whole numbers are read as grey levels"
 """Note on arrays of integers."""
-_PIXEL_KEY = re.compile(r"pixel(_?size)?(_(nm|um|mm|m))?")
+_PIXEL_KEY = re.compile(r"(?:pixel(_?(?:size|pitch|spacing))?|spacing)(_(nm|um|mm|m))?")
 _STEP_KEYS = tuple(re.compile(rf"d{axis}(_(nm|um|mm|m))?") for axis in "xy")
+_PLACE_KEYS = tuple(re.compile(rf"{axis}(_(nm|um|mm|m))?", re.IGNORECASE) for axis in "xy")
 _UNIT_KEYS = ("unit", "units", "height_unit", "height_units", "z_unit", "z_units", "unit_z")
 """Names of an array of one text, the unit of the heights."""
 _HEIGHT_KEY = re.compile(r".+_(nm|um|mm|m)")
@@ -80,6 +81,7 @@ def load_npz(path: Path, array: str | None = None) -> Stored:
         stored = stored._replace(notes=(f"array {name!r}{said}", *stored.notes))
     stored = _in_stated_unit(stored, arrays)
     left = [key for key, values in arrays.items() if key != name and values.size > 2]
+    left = [key for key in left if not any(of.fullmatch(key) for of in _PLACE_KEYS)]
     if left:
         stored = stored._replace(
             notes=(
@@ -87,6 +89,9 @@ def load_npz(path: Path, array: str | None = None) -> Stored:
                 f"arrays left out: {', '.join(left)[:80]}; nan marks what is missing",
             )
         )
+    placed = _placed(stored, arrays)
+    if placed is not None:
+        return placed
     steps = [next(filter(None, map(of.fullmatch, arrays)), None) for of in _STEP_KEYS]
     if all(step and arrays[step.group()].size == 1 for step in steps):
         pu, pv = (float(arrays[m.group()].flat[0]) * SHORT[m.group(2) or "m"] for m in steps if m)
@@ -97,6 +102,25 @@ def load_npz(path: Path, array: str | None = None) -> Stored:
             pu, pv = np.broadcast_to(np.ravel(sizes), 2) * SHORT[named.group(3) or "m"]
             return stored._replace(pixel_size=(float(pu), float(pv)))
     return stored
+
+
+def _placed(stored: Stored, arrays: dict[str, Any]) -> Stored | None:
+    """Return heights with the pixel size of even places x and y beside them, None without."""
+    size, values = [], stored.values
+    for axis, of in zip((1, 0), _PLACE_KEYS, strict=True):
+        named = next(filter(None, map(of.fullmatch, arrays)), None)
+        places = arrays[named.group()] if named else None
+        if values.ndim != 2 or places is None or places.dtype.kind not in "iuf":
+            return None
+        if places.shape != values.shape[axis : axis + 1] or len(places) < 3:
+            return None
+        steps = np.diff(places.astype(np.float64))
+        if steps[0] == 0.0 or not np.allclose(steps, steps.mean(), rtol=1e-3, atol=0.0):
+            return None
+        values = np.flip(values, axis) if steps[0] < 0.0 else values
+        size.append(abs(float(steps.mean())) * SHORT[(named and named.group(2)) or "m"])
+    notes = (*stored.notes, "its pixel size is that of the places x and y beside the heights")
+    return stored._replace(values=values, pixel_size=(size[0], size[1]), notes=notes)
 
 
 def _in_stated_unit(stored: Stored, arrays: dict[str, Any]) -> Stored:

@@ -50,8 +50,8 @@ _ORIENTATION, _RESOLUTION_UNIT = 274, 296
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PARK = 50432
 """Tag by which microscopes of Park Systems mark their files."""
-_SCREENS = (72.0, 90.0, 96.0, 100.0, 120.0, 144.0, 150.0, 180.0, 200.0, 240.0, 300.0, 350.0, 360.0,
-            400.0, 600.0)  # fmt: skip
+_SCREENS = (1.0, 72.0, 90.0, 96.0, 100.0, 120.0, 144.0, 150.0, 180.0, 200.0, 240.0, 300.0, 350.0,
+            360.0, 400.0, 600.0)  # fmt: skip
 """Dots per inch of screens and prints, which programs write without knowing."""
 _AS_STORED = ("L", "LA", "RGB", "RGBA", "I", "F")
 _PNG_COLOURS = {2: "RGB", 4: "LA", 6: "RGBA"}
@@ -235,6 +235,10 @@ def _read_pillow(path: Path) -> _Picture:
             if image.mode == "CMYK":
                 notes = (*notes, "its inks (CMYK) are turned into red, green and blue")
             pixels = np.asarray(image.convert("L" if image.mode == "1" else "RGB"))
+        clear = image.info.get("transparency")
+        count = np.count_nonzero(pixels == clear) if pixels.ndim == 2 and clear is not None else 0
+        if count:
+            notes = (*notes, f"are its {count} clear pixels missing? nodata={clear}")
     return _upright(_Picture(pixels, notes, printed_size=printed), orientation)
 
 
@@ -290,24 +294,25 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
     """Return the first page of an open TIFF, its missing values found."""
     import tifffile
 
-    page = file.pages[0]
+    page = next((page for page in file.pages if not page.is_reduced), file.pages[0])
     check_size(path, page.imagelength, page.imagewidth)
     notes: tuple[str, ...] = ()
     if len(file.pages) > 1:
-        notes = (f"the first of {len(file.pages)} pictures in the file is read",)
+        which = "the first" if page is file.pages[0] else "the first that is no preview"
+        notes = (f"{which} of {len(file.pages)} pictures in the file is read",)
     kinds = tifffile.PHOTOMETRIC
     if page.photometric in (kinds.CIELAB, kinds.ICCLAB, kinds.ITULAB):
         raise SurfaceError(
             f"{path}: its colours are {page.photometric.name} (L*a*b*), whose lightness is no "
             "height; valid: grey, or red, green and blue"
         )
-    if page.photometric == kinds.SEPARATED:  # inks: Pillow makes colours of them
+    if page.photometric in (kinds.SEPARATED, kinds.YCBCR):  # inks: Pillow makes colours of them
         return _without_nodata(_read_pillow(path)._replace(pixel_size=tiff_pixel_size(file)), page)
     try:
         pixels = page.asarray()
-    except (KeyError, ValueError) as error:
+    except (ImportError, KeyError, ValueError) as error:
         # Some compressions need another package; Pillow reads them, but not with 16 bits.
-        if "imagecodecs" not in str(error):
+        if "imagecodecs" not in str(error) and not isinstance(error, ImportError):
             raise
         if page.samplesperpixel > 1 and page.bitspersample > 8:
             raise SurfaceError(

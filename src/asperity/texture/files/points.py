@@ -11,6 +11,8 @@ from asperity._core.arrays import Array
 
 _OFF = 0.15
 """How far a point may lie from its place on a grid, in steps."""
+_TWICE = 0.01
+"""Largest share of points where there is one already, as at seams."""
 _FILLED = 0.5
 """Least share of a grid's places that have a point."""
 
@@ -60,11 +62,13 @@ def on_grid(x: Array, y: Array, z: Array) -> Grid | None:
     place = j * columns + i
     taken = np.zeros(rows * columns, dtype=bool)
     taken[place] = True
-    if np.count_nonzero(taken) != place.size:
+    twice = place.size - int(np.count_nonzero(taken))
+    if twice > _TWICE * place.size:
         return None
     values = np.full(rows * columns, np.nan)
     values[place] = z
     note = f"{x.size} points on a grid of {columns} x {rows}"
+    note += f", {twice} of them twice: the last counts" if twice else ""
     return Grid(values.reshape(rows, columns), (step_x, step_y), note)
 
 

@@ -24,6 +24,7 @@ from asperity._core.units import SHORT
 from asperity._core.unpacking import content_of, suffix_of
 from asperity.errors import SurfaceError, require_choice
 from asperity.texture.files.arrays import ARRAY_SUFFIXES, load_npy, load_npz
+from asperity.texture.files.checks import PIXEL_SIZES
 from asperity.texture.files.colours import COLOURS
 from asperity.texture.files.doubts import depth_doubt, doubts, sentinel_note
 from asperity.texture.files.gwyddion_field import load_field
@@ -230,8 +231,8 @@ def _in_unit(path: Path, stored: Stored, unit: str, height_range: float | None) 
     size = stored.pixel_size
     if stored.unit and stored.scale != metres:
         notes = (*notes, f"heights in {unit}, as given; the file states {stored.unit}")
-    if stored.sizes_follow and size is not None:
-        size = (size[0] * metres, size[1] * metres)
+    if stored.sizes_follow and size is not None and min(size) * metres >= PIXEL_SIZES[0]:
+        size = (size[0] * metres, size[1] * metres)  # else they are in m, as of a map
         notes = (*notes, f"places and heights in {unit}, as given")
     return stored._replace(scale=metres, pixel_size=size, notes=notes, sizes_follow=False)
 

@@ -19,6 +19,7 @@ from asperity.texture.files.stored import NO_UNIT, NO_UNITS, Stored, check_size,
 from asperity.texture.files.text_columns import (
     FEW,
     ColumnUnits,
+    are_named,
     are_numbered,
     columns_of_heights,
     is_even,
@@ -57,7 +58,7 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
     blocks = _blocks(table)
     values = values[:, ~np.isnan(values).all(axis=0)] if np.isnan(values[0]).any() else values
     names = _names_beside(values, names_of(table))
-    header = read_header(table.header, names, values.shape[1])
+    header = read_header(table.header, names, values.shape)
     if header.nodata is not None:
         values[values == header.nodata] = np.nan
     if header.shape and 1 in values.shape and values.size == math.prod(header.shape):
@@ -131,6 +132,8 @@ def _from_columns(
         step = pixel_size / units.lateral if pixel_size and units.word else None
         grid = _map(path, (x, y, z), called, step, pixel_size)
     notes = [f"{grid.note} ({called})", *_left_out(names, columns, values.shape[1])]
+    if names and len(columns) == 3 and not are_named(names, columns):
+        notes.append(f"are {called} x, y and heights? Their names do not state it: taken so")
     size = (grid.pixel_size[0] * units.lateral, grid.pixel_size[1] * units.lateral)
     if numbered:
         notes.append("rows are numbered from the top")
@@ -174,8 +177,8 @@ def _map(
 def _left_out(names: Sequence[str] | None, columns: tuple[int, ...], count: int) -> list[str]:
     """Return a note on the columns that are neither places nor heights, if there are some."""
     if names and len(names) > len(columns):
-        left = [name for at, name in enumerate(names) if at not in columns]
-        return [f"columns left out: {', '.join(left)[:80]}"]
+        left = [name for at, name in enumerate(names) if at not in columns and name]
+        return [f"columns left out: {', '.join(left)[:80]}"] if left else []
     if not names and count > len(columns):
         return [f"{count - len(columns)} columns behind x, y and z are left out"]
     return []
@@ -244,6 +247,10 @@ def _without_axes(stored: Stored, names: Sequence[str] | None) -> Stored:
         notes = (*notes, f"places in {unit[0]}", NO_UNIT)
         size = abs(steps[0]) * unit[1], steps[1] * unit[1]
         return stored._replace(pixel_size=size, scale=1.0, unit="", notes=notes)
+    values, dropped = _without_numbers(values)
+    if dropped:
+        notes = (*notes, f"{dropped} and is left out")
+        return stored._replace(values=values, notes=notes)
     first = [
         word
         for word, grows in (
@@ -257,6 +264,18 @@ def _without_axes(stored: Stored, names: Sequence[str] | None) -> Stored:
         notes = (*notes, f"is its first {which} places? It grows evenly, others do not: leave it "
                  "out of the file, if so")  # fmt: skip
     return stored._replace(notes=notes)
+
+
+def _without_numbers(values: Array) -> tuple[Array, str]:
+    """Return a matrix without a row or column of 0, 1, 2, ... beside heights that are not whole.
+
+    pandas writes them where columns, or rows, have no names.
+    """
+    for what, turned in (("row", values), ("column", values.T)):
+        line, rest = turned[0], turned[1:]
+        if np.array_equal(line, np.arange(line.size)) and not (rest == np.round(rest)).all():
+            return (rest if what == "row" else rest.T), f"its first {what} numbers its samples"
+    return values, ""
 
 
 def _as_placed(stored: Stored, x: Array, y: Array) -> Stored:
@@ -310,8 +329,8 @@ def _matrix(table: TextTable, values: Array, header: Header) -> Stored:
         notes.append(f"its values are in {header.unit!r}, which is no length")
         return Stored(values, tuple(notes), size, None, header.unit)
     if header.scale is None:
-        notes.append(NO_UNIT)
-        return Stored(values, tuple(notes), size, 1.0)
+        notes.append(NO_UNITS if header.follows else NO_UNIT)
+        return Stored(values, tuple(notes), size, 1.0, sizes_follow=header.follows)
     said = header.unit or short_unit(header.scale)
     notes.append(f"heights in {said}, as the file states")
     return Stored(values, tuple(notes), size, header.scale, said)

@@ -25,7 +25,7 @@ _COLUMN = re.compile(
 )
 """Names of the numbers of a row, from the top, and of a column of a map."""
 _HEIGHTS = re.compile(
-    "height|höhe|hauteur|altezza|altura|výška|высота|高|높이|depth|tiefe|elevation|topo",
+    "height|höhe|hauteur|altezza|altura|výška|высота|高|높이|depth|tiefe|elevation|topo|altit|relief",
     re.IGNORECASE,
 )
 _BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*[^\W\d][^\[\]()]*?)\s*[\])]")
@@ -65,7 +65,7 @@ def names_of(table: TextTable) -> tuple[str, ...] | None:
     units = [name.strip("[]() ") for name in names or ()]
     if names is None or not any(units) or not all(length_of(u) or u in ("", "-") for u in units):
         return names
-    above = replace(table, header=table.header[:-1]).names
+    above = replace(table, header=table.header[:-1], whole=table.whole[:-1]).names
     if above is None:
         return names
     return tuple(f"{name} [{u}]" if u else name for name, u in zip(above, units, strict=True))
@@ -80,7 +80,21 @@ def columns_of_heights(values: Array, names: Sequence[str] | None) -> tuple[int,
     if count == 1 or rows < 3:
         return None
     named = _by_names(names, count) if names is not None else None
+    if named is not None and len(named) == 2 and count == 3 and not _grows(values[:, named[0]]):
+        # Names of x and y, and of something else: points, for the places of a profile grow.
+        return *named, next(at for at in range(3) if at not in named)
     return named or _by_numbers(values)
+
+
+def are_named(names: Sequence[str], columns: tuple[int, ...]) -> bool:
+    """Return whether the names of points state their places."""
+    found = _by_names(names, len(names))
+    return found is not None and found[:2] == columns[:2]
+
+
+def _grows(places: Array) -> bool:
+    steps = np.diff(places)
+    return bool((steps > 0.0).all() or (steps < 0.0).all())
 
 
 def _by_names(names: Sequence[str], count: int) -> tuple[int, ...] | None:

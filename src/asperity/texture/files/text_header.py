@@ -17,11 +17,12 @@ _LABELS = {
     "width": """width; breite; weite; šířka; anchura; ancho; largeur; larghezza; ширина; 폭; 너비;
         幅; 宽度; 寬度; largura; szélesség; bredd; bredde; szerokość; genişlik; leveys; x-size;
         xsize; x size; size x; x range; x-range; x length; x-length; xlength; scan width;
-        scan size x; real width; x scan size; length x; image width; field width; x scale size""",
+        scan size x; real width; x scan size; length x; image width; field width; x scale size;
+        scan size; scan range; x amplitude""",
     "height": """height; höhe; výška; altura; alto; hauteur; altezza; высота; 높이; 高さ; 高度;
         magasság; höjd; høyde; højde; wysokość; yükseklik; korkeus; y-size; ysize; y size; size y;
         y range; y-range; y length; y-length; ylength; scan height; scan size y; real height;
-        y scan size; length y; image height; field height""",
+        y scan size; length y; image height; field height; y amplitude""",
     "unit": """value units; value unit; values unit; jednotky hodnot; unités; unités de valeur;
         unità valore; 값 단위; единицы измерения; единицы значений; werteinheit; werteinheiten;
         einheit; wert-einheiten; unidades; unidades de valor; unidad; unidades do valor;
@@ -31,6 +32,7 @@ _LABELS = {
     "pixel": """pixel size; pixelsize; pixel_size; pixel spacing; pixelgröße; pixelgrösse; cellsize;
         cell size; xy calibration; lateral resolution; lateral sampling; pixel width and height;
         taille de pixel; taille du pixel; sampling interval; sample spacing; tamaño de píxel;
+        sampling; sampling distance; point spacing; pixelabstand; punktabstand;
         dimensione pixel; grid spacing; pixel pitch;
         xy-kalibrierung; calibrage xy; étalonnage xy; lateral calibration;
         resolution xy; xy resolution; xyキャリブレーション; xy校准; xy标定""",
@@ -54,30 +56,43 @@ _POWER = re.compile(r"(?:([\d.]+)\s*[×x*·]\s*)?\b10(?:<sup>|\^)([+-]?\d+)(?:</
 """Powers of ten, as Gwyddion writes them."""
 _STEP = re.compile(
     r"pitch|step|spacing|sampling|resolution|auflösung|résolution|pixel|increment|interval|distance"
-    r"|\bpas\b|schritt|abstand|krok|passo|\bpaso\b|шаг|intervall|rozestup|afstand|adım"
+    r"|\bpas\b|schritt|abstand|krok|passo|\bpaso\b|шаг|intervall|rozestup|afstand|adım|odstęp"
+    r"|avstånd|avstand|distan|espa[cç]|intervalo|táv|间距|間距|间隔|間隔|步长|像素|ピッチ|ピクセル|간격|피치"
 )
 """Words of labels of lengths that are not those of the whole map."""
 _ELSEWHERE = re.compile(
     r"offset|origin|stage|position|cent(?:re|er)|start|shift|versatz|décalage|radius|\btip\b|diameter"
-    r"|wavelength|working|cut.?off|vertical"
+    r"|wavelength|working|cut.?off|vertical|\bm(?:ax|in|ean|edian)|rms|average|rough|rau|peak|valley"
+    r"|thickness|noise|objective|\b[sprw][apqvzt]\b"
 )
 """Words of labels of lengths that are no size of the map."""
+_WHOLE = frozenset(
+    ("size", "image size", "map size", "scan area", "area", "dimensions", "field of view", "fov")
+)
+"""Labels of the width and the height of a map in one line."""
+_TWO = re.compile(
+    r"([\d.,]+)\s*([^\W\d]*)\s*(?:[x×*]\s*|(?<=[\d.,])\s+)([\d.,]+)\s*([^\W\d]*)(?:[\s,;].*)?",
+    re.IGNORECASE,
+)
+_UNEQUAL = 2.0
+"""Ratio of a pixel's sides from which two lengths are hardly the sizes of a map."""
 _NO_LENGTHS = frozenset(
     {"v", "mv", "µv", "uv", "a", "ma", "µa", "na", "pa", "n", "mn", "µn", "nn", "deg", "°", "rad",
      "mrad", "hz", "khz", "px", "pixel", "pixels", "count", "counts", "levels", "a.u.", "au", "%",
-     "db", "s", "ms", "kpa", "mpa", "gpa", "w"}
+     "db", "s", "ms", "kpa", "mpa", "gpa", "w", "wave", "waves", "fringe", "fringes", "λ", "°c",
+     "-"}
 )  # fmt: skip
 """Units that are no lengths, in lower case."""
 _SAMPLE = re.compile(r"p(?:i?x|oint|ts?\b)|sample|step|bildpunkt|punkt", re.IGNORECASE)
 """What a length may be per, and still is one: `10 µm/px`."""
 _UNIT_BEHIND = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\W*$")
-_AXIS = re.compile(r"(?<![^\W\d_])([xy])(?![^\W\d_])")
+_AXIS = re.compile(r"(?<![a-zß-ɏ])([xy])(?![a-zß-ɏ])")
 """The axis in a label: with a word of `_STEP` it is that of a pixel."""
 _COUNTS = {"ncols": 1, "nrows": 0, "x-pixels": 1, "y-pixels": 0}
 """Labels of numbers of columns (1) and rows (0)."""
 _PICTURE = {"horizontal", "vertical", "vertikal", "horizontale", "verticale", "水平", "垂直"}
 """Labels of Keyence's numbers of samples."""
-_PAIR = re.compile(r"\s*([^:=\t,;]+?)\s*[:=\t,;]\s*(.+?)\s*$")
+_PAIR = re.compile(r"\s*([^:=\t,;]+?)\s*[:=\t,;][\s:=,;]*(.+?)\s*$")
 _SPACED = re.compile(r"\s*([^\W\d][\w ]*?)\s+([+-]?[\d.].*?)\s*$")
 _VALUE = re.compile(
     r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)[\s,;]*([^\d\s,;][^,;]*?)?\s*(?:[,;].*)?$"
@@ -101,9 +116,13 @@ class Header(NamedTuple):
     notes: tuple[str, ...] = ()
     shape: tuple[int, int] | None = None
     """Rows and columns."""
+    follows: bool = False
+    """Whether the pixel is in the unit of the heights, which is not said."""
 
 
-def read_header(lines: Sequence[str], names: Sequence[str] | None, columns: int) -> Header:
+def read_header(
+    lines: Sequence[str], names: Sequence[str] | None, shape: tuple[int, ...]
+) -> Header:
     """Return what the lines above some heights say.
 
     Parameters
@@ -111,26 +130,35 @@ def read_header(lines: Sequence[str], names: Sequence[str] | None, columns: int)
     lines : sequence of str
     names : sequence of str, optional
         The columns' names, if one of the lines holds them.
-    columns : int
+    shape : (rows, columns)
         Of the numbers.
     """
     found, lengths, units = _findings(lines)
     notes: list[str] = []
     width, height = found.get("width"), found.get("height")
     if width is None and height is None and "pixel" not in found and len(lengths) == 2:
-        (a, width), (b, height) = lengths
-        notes.append(f"{a!r} and {b!r} are taken for width and height of the map")
+        (a, u), (b, v) = lengths
+        ratio = (u / shape[1]) / (v / shape[0])
+        if u == v and shape[0] != shape[1]:
+            found |= {"pixel_x": u, "pixel_y": v}
+            notes.append(f"{a!r} and {b!r} are taken for the sides of a pixel")
+        elif 1.0 / _UNEQUAL < ratio < _UNEQUAL:
+            width, height = u, v
+            notes.append(f"{a!r} and {b!r} are taken for width and height of the map")
+        else:
+            lengths = []
     pixel = found.get("pixel")
     pair = (found.get("pixel_x", pixel), found.get("pixel_y", found.get("pixel_x", pixel)))
     unit, scale = units or (None, None)
     if "factor" in found:
         unit, scale = "m", found["factor"]
     if unit is None and lines:
-        unit, scale = _heading(lines, names, columns)
+        unit, scale = _heading(lines, names)
     return Header(
         width, height, None if pair[0] is None else pair, unit, scale, found.get("nodata"),  # type: ignore[arg-type]
         {"width", "height"} <= {*found} or len(lengths) == 2 or "grid" in found, tuple(notes),
         (int(found["rows"]), int(found["columns"])) if {"rows", "columns"} <= {*found} else None,
+        "follows" in found and scale is None,
     )  # fmt: skip
 
 
@@ -145,6 +173,11 @@ def _findings(
     for label, text in _pairs(lines):
         bare = " ".join(re.sub(r"\[.*?\]|(?<!-> m)\(.*?\)$", "", label.casefold()).split())
         meaning = _MEANING.get(label.casefold()) or _MEANING.get(bare)
+        two = _two_lengths(label, text) if meaning in ("width", "pixel") or bare in _WHOLE else None
+        if two is not None:
+            keys = ("pixel_x", "pixel_y") if meaning == "pixel" else ("width", "height")
+            found |= dict(zip(keys, two, strict=True))
+            continue
         value = _VALUE.fullmatch(text)
         if value is None:
             if meaning == "unit" or (meaning is None and units is None and length_of(text)):
@@ -174,6 +207,8 @@ def _findings(
         elif meaning == "pixel" or meaning in ("pixel_x", "pixel_y"):
             if metres is not None or bare in ("cellsize", "dx", "dy"):
                 found.setdefault(meaning, number * (metres or 1.0))
+            if metres is None and bare == "cellsize":
+                found["follows"] = 1.0
         elif metres is not None and number > 0.0:
             if meaning or not (_STEP.search(bare) or _ELSEWHERE.search(bare)):
                 lengths.append((label, number * metres))
@@ -184,9 +219,26 @@ def _findings(
     return found, lengths, units
 
 
+def _two_lengths(label: str, text: str) -> tuple[float, float] | None:
+    """Return the two lengths [m] of `640 x 480 µm`, None for other texts."""
+    two = _TWO.fullmatch(text)
+    if two is None:
+        return None
+    a, word_a, b, word_b = two.groups()
+    named = named_unit(label, LENGTHS)
+    unit_b = length_of(word_b) if word_b else (named[1] if named else None)
+    unit_a = length_of(word_a) if word_a else unit_b
+    try:
+        u, v = float(a.replace(",", ".")), float(b.replace(",", "."))
+    except ValueError:
+        return None
+    return (u * unit_a, v * unit_b) if unit_a and unit_b and min(u, v) > 0.0 else None
+
+
 def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
     for line in lines:
-        line = _POWER.sub(lambda m: f"{m.group(1) or 1}e{m.group(2)} ", line.replace('"', ""))
+        bare = line.replace('"', "").rstrip(" ,;\t")  # spreadsheets fill lines with empty cells
+        line = _POWER.sub(lambda m: f"{m.group(1) or 1}e{m.group(2)} ", bare)
         match, spaced = _PAIR.fullmatch(line), _SPACED.fullmatch(line)
         if match is None or (spaced and spaced.group(1).casefold() in (*_GRID, "nodata_value")):
             match = spaced  # the comma may be a decimal one
@@ -194,9 +246,7 @@ def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
             yield match.group(1).strip(), match.group(2)
 
 
-def _heading(
-    lines: Sequence[str], names: Sequence[str] | None, columns: int
-) -> tuple[str | None, float | None]:
+def _heading(lines: Sequence[str], names: Sequence[str] | None) -> tuple[str | None, float | None]:
     """Return the unit in the heading of a matrix: in the last line, or one for all columns."""
     named = named_unit(lines[-1], LENGTHS)
     if named is None and names:

@@ -9,10 +9,12 @@ from typing import Any
 from asperity._core.units import length_of
 
 RESOLUTIONS = (282, 283)
-_PIXEL_SCALE, _GEO_KEYS = 33550, 34735
+_PIXEL_SCALE, _TRANSFORM, _GEO_KEYS = 33550, 34264, 34735
 _GDAL = 42112
 """GDAL's tag for what it knows of the values, in XML."""
-_MODEL_TYPE, _PROJECTED = 1024, 1
+_MODEL_TYPE, _PROJECTED, _LINEAR_UNIT = 1024, 1, 3076
+_LINEAR = {None: 1.0, 9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0, 9036: 1000.0}
+"""Metres in a unit of a projection, by EPSG's number; without one it is metres."""
 
 
 def tiff_pixel_size(file: Any) -> tuple[float, float] | None:
@@ -55,13 +57,17 @@ def _ome(file: Any) -> tuple[float, float] | None:
 
 def _geotiff(file: Any) -> tuple[float, float] | None:
     tags = file.pages[0].tags
-    scale, keys = tags.get(_PIXEL_SCALE), tags.get(_GEO_KEYS)
-    if scale is None or keys is None:
+    scale, turned, keys = (tags.get(tag) for tag in (_PIXEL_SCALE, _TRANSFORM, _GEO_KEYS))
+    if keys is None or (scale is None and turned is None):
         return None
-    entries = zip(keys.value[4::4], keys.value[7::4], strict=False)
-    if dict(entries).get(_MODEL_TYPE) != _PROJECTED:
-        return None  # degrees
-    return float(scale.value[0]), float(scale.value[1])
+    entries = dict(zip(keys.value[4::4], keys.value[7::4], strict=False))
+    metres = _LINEAR.get(entries.get(_LINEAR_UNIT))
+    if entries.get(_MODEL_TYPE) != _PROJECTED or metres is None:
+        return None  # degrees, or another unit
+    if scale is not None:
+        return float(scale.value[0]) * metres, float(scale.value[1]) * metres
+    rows = [turned.value[k : k + 2] for k in (0, 4)]  # a rotation, and the sides of a pixel
+    return math.hypot(rows[0][0], rows[1][0]) * metres, math.hypot(*(r[1] for r in rows)) * metres
 
 
 def _gdal(page: Any) -> str:

@@ -1,0 +1,145 @@
+"""Files of poses with gaps, several bodies, and frames in their names: right, or refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from asperity.errors import AsperityError
+from asperity.scene.trajectory_file import read_poses
+
+N = 24
+T = np.arange(N) * 1e-2
+P = np.column_stack([0.04 * T, 0.02 - 0.01 * T, 0.01 + 0.0 * T])
+Q = np.tile([np.cos(0.15), 0.02, np.sin(0.15), 0.0], (N, 1))
+Q /= np.linalg.norm(Q, axis=1, keepdims=True)
+HEAD = "time,x,y,z,qw,qx,qy,qz\n"
+GONE = [0, 1, 7]
+
+
+def lines(*columns: np.ndarray) -> list[str]:
+    return [",".join(f"{v:.17g}" for v in row) for row in np.column_stack(columns)]
+
+
+def read(path: Path, text: str, **options):
+    path.write_text(text, "utf-8")
+    return read_poses(path, **options)
+
+
+def check(found, kept=slice(None)) -> None:
+    np.testing.assert_allclose(found.times - found.times[0], T[kept] - T[kept][0], atol=1e-9)
+    np.testing.assert_allclose(found.poses[:, :3], P[kept], atol=1e-9)
+    np.testing.assert_allclose(found.poses[:, 3:], Q[kept], atol=1e-9)
+
+
+@pytest.mark.parametrize("gap", ["", "nan", "<NA>", "lost", "0", "-9999", "-3.697314e28"])
+def test_rows_without_a_pose_are_left_out_the_first_too(tmp_path: Path, gap: str) -> None:
+    rows = lines(T, P, Q)
+    for row in GONE:
+        rows[row] = ",".join([f"{T[row]:g}", *[gap] * 7])
+    kept = [row for row in range(N) if row not in GONE]
+    found = read(tmp_path / "a.csv", HEAD + "\n".join(rows))
+    check(found, kept)
+    assert "3 of 24 poses are missing and left out, the first in line 2" in " ".join(found.notes)
+
+
+def test_rows_without_a_pose_in_arrays(tmp_path: Path) -> None:
+    places, turns = P.copy(), Q.copy()
+    places[GONE], turns[GONE] = np.nan, 0.0
+    np.savez(tmp_path / "a.npz", t=T, position=places, quaternion_wxyz=turns)
+    found = read_poses(tmp_path / "a.npz")
+    check(found, [row for row in range(N) if row not in GONE])
+    assert "3 of 24 poses are missing" in " ".join(found.notes)
+
+
+def test_a_column_that_is_empty_at_first_is_a_column(tmp_path: Path) -> None:
+    rows = [f"{row}," + ("1" if k > 4 else "") for k, row in enumerate(lines(T, P, Q))]
+    check(read(tmp_path / "a.csv", HEAD.strip() + ",button\n" + "\n".join(rows)))
+
+
+def test_names_of_frames_behind_the_axis(tmp_path: Path) -> None:
+    names = [f"{c}_world_device" for c in ("tx", "ty", "tz", "qw", "qx", "qy", "qz")]
+    head = ",".join(["graph_uid", "tracking_timestamp_us", *names]) + "\n"
+    check(read(tmp_path / "a.csv", head + "\n".join(lines(0 * T, 1e6 * T, P, Q))))
+
+
+def test_a_rate_above_the_rows_gives_the_times(tmp_path: Path) -> None:
+    head = "FREQUENCY,100\nx,y,z,qw,qx,qy,qz\n"
+    found = read(tmp_path / "a.csv", head + "\n".join(lines(P, Q)))
+    check(found)
+    assert "times are those of 100 poses in a second, as the file states" in found.notes
+    records = [{"p": p.tolist(), "quat_wxyz": q.tolist()} for p, q in zip(P, Q, strict=True)]
+    check(read(tmp_path / "a.json", json.dumps({"fps": 100, "frames": records})))
+
+
+@pytest.mark.parametrize("name", ["device", "id", "child_name"])
+@pytest.mark.parametrize("apart", [0.0, 0.003])
+def test_bodies_by_turns_are_refused(tmp_path: Path, name: str, apart: float) -> None:
+    rows = []
+    for k in range(N):
+        for place, body in enumerate(("0", "1") if name == "id" else ("left", "right")):
+            time = T[k : k + 1] + place * apart
+            rows.append(f"{body}," + lines(time, P[k : k + 1] + 0.1 * place, Q[k : k + 1])[0])
+    with pytest.raises(AsperityError, match=rf"poses of 2 bodies, .* as its column '{name}'"):
+        read(tmp_path / "a.csv", f"{name},{HEAD}" + "\n".join(rows))
+
+
+def test_trials_one_after_the_other_are_no_bodies(tmp_path: Path) -> None:
+    rows = [f"{k // 8},{row}" for k, row in enumerate(lines(T, P, Q))]
+    check(read(tmp_path / "a.csv", f"trial_id,{HEAD}" + "\n".join(rows)))
+
+
+def test_json_by_times_is_refused_by_what_it_holds(tmp_path: Path) -> None:
+    tree = {f"{t:g}": {"pos": p.tolist(), "q": [1, 0, 0, 0]} for t, p in zip(T, P, strict=True)}
+    with pytest.raises(AsperityError, match=r"it holds no poses \(0\.pos, 0\.q"):
+        read(tmp_path / "a.json", json.dumps(tree))
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"), [("Time (min)", 60.0), ("time_min", 60.0), ("t [h]", 3600.0)]
+)
+def test_times_in_minutes_and_hours(tmp_path: Path, unit: str, size: float) -> None:
+    head = HEAD.replace("time", unit)
+    check(read(tmp_path / "a.csv", head + "\n".join(lines(T / size, P, Q))))
+    extremes = HEAD.strip() + ",x_min,x_max\n"  # which are no minutes
+    check(read(tmp_path / "b.csv", extremes + "\n".join(lines(T, P, Q, P[:, :2]))))
+
+
+def test_the_columns_of_a_robot_s_matrix(tmp_path: Path) -> None:
+    matrices = Rotation.from_quat(np.roll(Q, -1, axis=1)).as_matrix()
+    names = [f"{column}{axis}" for column in "noa" for axis in "xyz"]
+    head = ",".join(["time", *names, "px", "py", "pz"]) + "\n"
+    columns = matrices.transpose(0, 2, 1).reshape(N, 9)
+    check(read(tmp_path / "a.csv", head + "\n".join(lines(T, columns, P))))
+
+
+def test_a_unit_in_a_line_that_a_spreadsheet_has_filled_with_empty_cells(tmp_path: Path) -> None:
+    text = "Units,mm,,,,,,\n" + HEAD + "\n".join(lines(T, 1e3 * P, Q))
+    check(read(tmp_path / "a.csv", text))
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("before", [0, 1])
+@pytest.mark.parametrize("behind", [0, 1, 2])
+@pytest.mark.parametrize("cell", ["", "ok"])
+def test_names_count_beside_empty_columns(tmp_path, separator, before, behind, cell) -> None:
+    names = ["", "time", "x", "y", "z", "qx", "qy", "qz", "qw", "button", "state"]
+    rows = []
+    for k, row in enumerate(lines(T, P, np.roll(Q, -1, axis=1))):
+        more = cell if k % 3 else ""  # not in the first row
+        rows.append(separator.join([*[more] * before, *row.split(","), *[more] * behind]))
+    head = separator.join(names[1 - before : 9 + behind])
+    found = read(tmp_path / "a.csv", "\n".join([head, *rows]))
+    check(found)
+    assert not any("no names" in note for note in found.notes)
+
+
+def test_names_behind_the_sign_of_a_comment_that_separates_too(tmp_path: Path) -> None:
+    text = ";" + HEAD.replace(",", ";") + "\n".join(lines(T, P, Q)).replace(",", ";")
+    found = read(tmp_path / "a.txt", text)
+    check(found)
+    assert not any("no names" in note for note in found.notes)
