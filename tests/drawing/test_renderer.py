@@ -70,6 +70,20 @@ def test_round_bodies_stay_within_their_relief(geom, distance):
         assert np.mean(np.sum(sheet.normals * sheet.points, axis=-1) > 0) > 0.95
 
 
+@pytest.mark.parametrize("geom", [Geom("box", (1e-3, 8e-4, 6e-4)), Geom("cylinder", (8e-4, 1e-3))])
+def test_displaced_faces_end_at_their_edges(geom):
+    """They would not meet: each is displaced along its own normal."""
+    is_box, found = geom.kind == "box", 0
+    for sheet in body_sheets(Body("b", [geom], WAVES), HOME, VIEW._replace(centre=np.zeros(3))):
+        points = sheet.points
+        assert points.shape == sheet.normals.shape == (*sheet.height.shape, 3)
+        for line in (points[0], points[-1], points[:, 0], points[:, -1]):
+            radius = np.hypot(line[:, 0], line[:, 1])
+            at = np.abs(line) if is_box else np.stack([radius, np.abs(line[:, 2])], axis=1)
+            found += bool((np.isclose(at, geom.size[: at.shape[1]]).sum(axis=1) >= 2).all())
+    assert found == (6 * 4 if is_box else 2 + 2)
+
+
 def test_the_nearest_surface_is_seen_at_its_distance():
     ball = Body("ball", [Geom("sphere", (1e-3,))])
     floor = Body("floor", [Geom("plane", (0.0, 0.0))])

@@ -53,8 +53,46 @@ def body_sheets(
         return
     for face in geom_faces(body, pose, view):
         points, normals = displace(face.base, face.normals, face.heights)
-        height = None if body.texture is None else face.heights
-        yield Sheet(points, normals, height=height).placed(pose)
+        if body.texture is None:
+            yield Sheet(points, normals).placed(pose)
+            continue
+        edges = _edges(face)
+        sheet = Sheet(
+            _bordered(points, face.base, edges),
+            _bordered(normals, normals, edges),
+            height=_bordered(face.heights, face.heights, edges),
+        )
+        yield sheet.placed(pose)
+
+
+def _edges(face: GeomFace) -> tuple[bool, bool, bool, bool]:
+    """Return which sides of a face are edges of its geom: first and last row, and column."""
+    size = np.asarray(face.geom.size)
+    local = (face.base - face.geom.position) @ rotation_of(face.geom.quaternion)
+
+    def is_edge(line: Array) -> bool:
+        if face.geom.kind == "box":
+            return bool((np.isclose(np.abs(line), size).sum(axis=1) >= 2).all())
+        radii = np.hypot(line[:, 0], line[:, 1])
+        at_rim = np.isclose(radii, size[0]) & np.isclose(np.abs(line[:, 2]), size[1])
+        return face.geom.kind == "cylinder" and bool(at_rim.all())
+
+    return is_edge(local[0]), is_edge(local[-1]), is_edge(local[:, 0]), is_edge(local[:, -1])
+
+
+def _bordered(values: Array, border: Array, edges: tuple[bool, bool, bool, bool]) -> Array:
+    """Return a grid with the outermost rows and columns of another one added at its edges.
+
+    Where two faces meet, each is displaced along its own normal, and a crack opens: strips from
+    the displaced points down to the edge close it.
+    """
+    first, last, left, right = edges
+    rows = ([border[:1]] if first else []) + [values] + ([border[-1:]] if last else [])
+    above, below = int(first), int(last)
+    sides = np.pad(border, ((above, below), (0, 0), *[(0, 0)] * (border.ndim - 2)), mode="edge")
+    columns = [np.concatenate(rows)]
+    columns = ([sides[:, :1]] if left else []) + columns + ([sides[:, -1:]] if right else [])
+    return np.concatenate(columns, axis=1)
 
 
 def geom_faces(body: Body, pose: Array, view: ViewBall) -> Iterator[GeomFace]:

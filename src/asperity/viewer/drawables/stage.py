@@ -105,7 +105,7 @@ def add_soft_shape(server: ViserServer, shape: Drawable, parent: str) -> Any:
     """Add a shape in its mean colour, whose vertices can be moved; return its node."""
     colour = tuple((255.0 * shape.colours.mean(axis=0)).astype(int).tolist())
     return server.scene.add_mesh_simple(
-        f"{parent}/{shape.name}", UNITS * shape.vertices, shape.faces, color=colour
+        f"{parent}/{shape.name}", UNITS * shape.vertices, shape.faces, color=colour, side="double"
     )
 
 
