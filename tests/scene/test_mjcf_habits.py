@@ -484,9 +484,7 @@ def test_contact_exclusions_hold_and_are_noted(load) -> None:
         (f"friction = 4{'0' * 400}", r"force\.friction must be finite"),
     ],
 )
-def test_what_scene_toml_has_wrong_is_one_short_line(
-    load, tmp_path: Path, line: str, said: str
-) -> None:
+def test_what_scene_toml_has_wrong_is_one_short_line(load, tmp_path, line: str, said: str) -> None:
     with pytest.raises(AsperityError, match=said) as refused:
         load(plate(), tool(ball()), toml=TOML + line + "\n")
     assert len(str(refused.value).replace(str(tmp_path), "")) <= 300
