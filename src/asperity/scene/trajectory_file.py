@@ -339,7 +339,9 @@ def _without_missing(table: _Table) -> _Table:
         missing &= np.isnan(values[:, 1:]).all(axis=1)
     if table.layout.turn == "quaternion":
         first = values[:, 4]
-        missing |= (values[:, 5:] == first[:, None]).all(axis=1) & (np.abs(first) != 0.5)
+        same = values[:, 5] == first
+        if same.any():
+            missing |= same & (values[:, 6:] == first[:, None]).all(axis=1) & (np.abs(first) != 0.5)
     if not missing.any() or missing.all():
         return table
     kept = np.flatnonzero(~missing)
