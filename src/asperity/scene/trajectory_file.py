@@ -41,8 +41,6 @@ _LENGTH_WORD = re.compile(
     r"(?<![A-Za-z_])(mm|cm|µm|um|(?i:(?:milli|centi|micro)met\w+|inch\w*))(?![A-Za-z])"
 )
 _TIME_WORD = re.compile(r"(?<![A-Za-z_])(ms|us|µs|ns|(?:milli|micro|nano)sec\w+)(?![A-Za-z])")
-
-
 _ANGLE_WORD = re.compile(r"(?<![A-Za-z_])(deg(?:rees?)?|rad(?:ians?)?)(?![A-Za-z])", re.IGNORECASE)
 _SEQUENCE = re.compile(r"\b(?:rotation )?type\W+([XYZ]{3})\b", re.IGNORECASE)
 """How OptiTrack states the axes of its angles, which are moving ones, in degrees."""
@@ -344,9 +342,9 @@ def _without_missing(table: _Table) -> _Table:
             missing |= same & (values[:, 6:] == first[:, None]).all(axis=1) & (np.abs(first) != 0.5)
     if not missing.any() or missing.all():
         return table
-    kept = np.flatnonzero(~missing)
-    own = table.origins
-    origins = own if isinstance(own, _Origins) else _Origins("row", range(len(values)))
+    kept, origins = np.flatnonzero(~missing), table.origins
+    if not isinstance(origins, _Origins):
+        origins = _Origins("row", range(len(values)))
     note = (
         f"{len(values) - len(kept)} of {len(values)} poses are missing and left out, the first in "
         f"{origins[int(np.argmax(missing))]}: the path across is that of the neighbours"
