@@ -86,13 +86,10 @@ def _bordered(values: Array, border: Array, edges: tuple[bool, bool, bool, bool]
     Where two faces meet, each is displaced along its own normal, and a crack opens: strips from
     the displaced points down to the edge close it.
     """
-    first, last, left, right = edges
-    rows = ([border[:1]] if first else []) + [values] + ([border[-1:]] if last else [])
-    above, below = int(first), int(last)
-    sides = np.pad(border, ((above, below), (0, 0), *[(0, 0)] * (border.ndim - 2)), mode="edge")
-    columns = [np.concatenate(rows)]
-    columns = ([sides[:, :1]] if left else []) + columns + ([sides[:, -1:]] if right else [])
-    return np.concatenate(columns, axis=1)
+    first, last, left, right = map(int, edges)
+    out = np.pad(border, ((first, last), (left, right), (0, 0))[: border.ndim], mode="edge")
+    out[first : first + len(values), left : left + values.shape[1]] = values
+    return out
 
 
 def geom_faces(body: Body, pose: Array, view: ViewBall) -> Iterator[GeomFace]:
