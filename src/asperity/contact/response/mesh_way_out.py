@@ -44,6 +44,11 @@ _LITTLE = 0.1
 """Fraction of a depth below which covering it counts less towards domination."""
 _ALIKE = 0.05
 """Difference of the distances of two choices, over the length, below which they begin to be one."""
+_AGAINST = 0.125
+"""Largest distance against a resolved direction, over the depths of a choice's members.
+
+psi(n) . psi(m) is nowhere less than -1/8.
+"""
 _STEP = 1e-5
 """Relative step of the central differences."""
 
@@ -59,8 +64,8 @@ class MeshChoices(NamedTuple):
     """Distance along each of them that a choice has to cover [m], (choices, 6)."""
     distinct: NDArray[np.float64]
     """How far a choice differs from all before it, 0 to 1; (choices,)."""
-    share: NDArray[np.float64]
-    """Blending weight of a choice, 0 if it is dominated; (choices,)."""
+    own: NDArray[np.float64]
+    """How far a choice is dominated by no other, 0 to 1; (choices,)."""
     alone: NDArray[np.float64]
     """How far a choice resolves all other directions, 0 to 1; (choices,)."""
     number: NDArray[np.int64]
@@ -79,7 +84,7 @@ def mesh_choices() -> MeshChoices:
         members=np.zeros(len(ways.length), np.int64),
         needed=np.zeros((len(ways.length), DIRECTIONS)),
         distinct=np.zeros(len(ways.length)),
-        share=np.zeros(len(ways.length)),
+        own=np.zeros(len(ways.length)),
         alone=np.zeros(len(ways.length)),
         number=np.zeros(DIRECTIONS, np.int64),
         depth=np.zeros(DIRECTIONS),
@@ -106,8 +111,14 @@ def _collect(space):
 
 @inner_kernel
 def _fill_needed(choices, rows, c):
-    """Fill the distances along all directions that choice `c` has to cover."""
-    members, alone = choices.members[c], 1.0
+    """Fill the distances along all directions that choice `c` has to cover.
+
+    Where it resolves a direction, the tool may also move against that one.
+    """
+    members, all_depths, alone = choices.members[c], 0.0, 1.0
+    for i in range(rows):
+        if members >> i & 1:
+            all_depths += choices.depth[i]
     for i in range(rows):
         left = 1.0
         if not members >> i & 1:
@@ -116,7 +127,7 @@ def _fill_needed(choices, rows, c):
                     left *= choices.residual[i, j]
             alone *= 1.0 - left
         choices.needed[c, i] = left * choices.depth[i]
-        choices.ways.inputs[i, 0] = choices.needed[c, i]
+        choices.ways.inputs[i, 0] = choices.needed[c, i] - _AGAINST * (1.0 - left) * all_depths
     choices.alone[c] = alone
 
 
@@ -135,28 +146,39 @@ def _domination(choices, rows, c, other):
 
 
 @inner_kernel
+def _presence(choices, rows, c):
+    """Return how far a choice of several directions counts, 0 to 1: as far as each has a depth."""
+    members, presence = choices.members[c], 1.0
+    for i in range(rows):
+        if members >> i & 1 and members != 1 << i:
+            presence *= smooth_step(choices.depth[i] / (_ALIKE * choices.ways.length[c]))
+    return presence
+
+
+@inner_kernel
 def _fill_distinct(choices, rows, count):
-    """Fill how far each choice differs from those before it.
+    """Fill how far each choice counts and differs from those before it, of no more directions.
 
     A direction that begins to overlap doubles all choices: each with it and without.
     """
     for c in range(count):
-        distinct = 1.0
+        distinct = _presence(choices, rows, c)
         for other in range(c):
             off = 0.0
             for i in range(rows):
                 off = max(off, abs(choices.needed[c, i] - choices.needed[other, i]))
-            distinct *= smooth_step(off / (_ALIKE * choices.ways.length[other]))
+            same = 1.0 - smooth_step(off / (_ALIKE * choices.ways.length[other]))
+            distinct *= 1.0 - choices.distinct[other] * same
         choices.distinct[c] = distinct
 
 
 @inner_kernel
 def _fill_shares(choices, rows, count):
-    """Fill the shares of the choices."""
+    """Fill how far each choice is distinct, and how far it is dominated by no other."""
     length = choices.ways.length
     _fill_distinct(choices, rows, count)
     for c in range(count):
-        share = choices.distinct[c]
+        own = 1.0
         for other in range(count):
             if other == c:
                 continue
@@ -165,8 +187,8 @@ def _fill_shares(choices, rows, count):
                 ratio = (length[c] / length[other] - 1.0) / _LONGER
                 longer = smooth_step(ratio)
                 alone = choices.alone[other] * smooth_step(ratio + 1.0)
-                share *= 1.0 - more * (longer + alone - longer * alone)
-        choices.share[c] = share
+                own *= 1.0 - more * (longer + alone - longer * alone)
+        choices.own[c] = own
 
 
 @inner_kernel
@@ -182,12 +204,25 @@ def _is_duplicate(choices, rows, count):
 
 
 @inner_kernel
+def _size_of(members, rows):
+    """Return the number of members of a choice."""
+    size = 0
+    for i in range(rows):
+        size += members >> i & 1
+    return size
+
+
+@inner_kernel
 def _list_choices(choices, rows):
-    """Fill the choices short enough to count; return their number, 0 if one has no length."""
+    """Fill the choices short enough to count; return their number, 0 if one has no length.
+
+    Those of few directions come first.
+    """
     ways, bound, count = choices.ways, np.inf, 0
-    for members in range(1, 1 << rows):
-        if count == ways.length.size:
-            break
+    for turn in range(rows << rows):
+        size, members = (turn >> rows) + 1, turn & ((1 << rows) - 1)
+        if count == ways.length.size or _size_of(members, rows) != size:
+            continue
         choices.members[count] = members
         _fill_needed(choices, rows, count)
         if _is_duplicate(choices, rows, count):
@@ -202,10 +237,12 @@ def _list_choices(choices, rows):
             continue
         choose_active(ways.inputs, ways.choices[count], rows, ways.shares[count])
         length = update_choice(ways.inputs, ways.choices[count], rows, ways.shares[count])
-        if length < bound:
-            ways.length[count] = length
-            bound = min(bound, RATIO * LONGEST * length)
+        ways.length[count] = length
+        presence = _presence(choices, rows, count)
+        if length < bound and presence > 0.0:
             count += 1
+            if presence == 1.0:
+                bound = min(bound, RATIO * LONGEST * length)
     return count
 
 
@@ -222,19 +259,23 @@ def _update(choices, rows, count):
 
 @inner_kernel
 def _excess(choices, count, s):
-    """Return the sum over choices minus 1, which is 0 at the smooth minimum s."""
-    ways, share = choices.ways, choices.share
+    """Return the sum over choices minus 1, which is 0 at the smooth minimum s.
+
+    Choices that are alike count once, however their shares are divided among them.
+    """
+    ways, distinct, own = choices.ways, choices.distinct, choices.own
     for c in range(count):
         x = max(RATIO - ways.length[c] / s, 0.0) / (RATIO - 1.0)
         ways.weight[c] = x * x
     total = 0.0
     for c in range(count):
-        if ways.weight[c] > 0.0 and share[c] > 0.0:
-            below = ways.weight[c]
+        part = own[c] * distinct[c] * ways.weight[c]
+        if part > 0.0:
+            below = ways.weight[c] * distinct[c]
             for d in range(count):
                 if d != c:
-                    below += ways.alike[c, d] * share[d] * ways.weight[d]
-            total += share[c] * ways.weight[c] * ways.weight[c] / below
+                    below += ways.alike[c, d] * own[d] * distinct[d] * ways.weight[d]
+            total += part * ways.weight[c] / below
     return total - 1.0
 
 
@@ -243,7 +284,8 @@ def _smooth_minimum(choices, count):
     """Return s, by the secant method with bisection."""
     least = np.inf
     for c in range(count):
-        least = min(least, choices.ways.length[c])
+        if choices.own[c] * choices.distinct[c] > 0.0:
+            least = min(least, choices.ways.length[c])
     if count == 1:
         return least
     low, high, below = least / RATIO, LONGEST * least, -1.0
@@ -277,7 +319,7 @@ def _keep_contributing(choices, rows, count, s):
         # Choices beyond RATIO have no weight, but may reduce the share of one that has.
         if ways.length[c] >= RATIO / (1.0 - _LONGER) * s or (kept > 0 and ways.length[0] == s):
             continue
-        if ways.length[c] == s:
+        if ways.length[c] == s and choices.own[c] * choices.distinct[c] > 0.0:
             kept = 0
         if kept != c:
             choices.members[kept], ways.length[kept] = choices.members[c], ways.length[c]
