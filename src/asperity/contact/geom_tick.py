@@ -153,6 +153,7 @@ def _merge_bodies(memory, kept, i):
                 other.point[k] += share * (result.point[k] - other.point[k])
                 other.slope_normal[k] += share * (result.slope_normal[k] - other.slope_normal[k])
                 other.moment[k] += share * (result.moment[k] - other.moment[k])
+                other.turn[k] += share * (result.turn[k] - other.turn[k])
             other.friction += share * (result.friction - other.friction)
             other.ties += result.ties
             other.area += result.area
@@ -261,8 +262,9 @@ def _add_rest(stiffness, way_out, rates, memory, out):
             found, m = memory.separations[i], memory.results[i].slope_normal
             along = 0.0
             for k in range(3):
-                along += m[k] * found.normal_rate[k, e]
-            push += stiffness * found.weight * found.depth * found.depth * along
+                turn = memory.results[i].turn[k] - found.depth * m[k]
+                along += turn * found.normal_rate[k, e]
+            push -= stiffness * found.weight * found.depth * along
             if found.weight < 0.0:
                 moment = memory.results[i].moment
                 own = m[e] if e < 3 else moment[e - 3]

@@ -17,7 +17,7 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import FacetTable
-from asperity.contact.narrow_phase.surface_patch import FLATTEST
+from asperity.contact.narrow_phase.surface_patch import FLATTEST, STEEPEST
 
 MAX_FACET_PAIRS = 32768
 _FLATTEST = 0.01
@@ -120,12 +120,18 @@ def relative_transform(body_a, body_b, transform_out):
 
 @small_kernel
 def flattest(table: FacetTable, a, b):
-    """Return the least cosine to n, and to each other, of facets of two bodies that are searched.
+    """Return the least cosine to n of smooth facets of two bodies that are searched.
 
     Facets of convex bodies may be steep: the tip of a needle has no others. In a cavity a steep
     facet may be behind the opposite wall.
     """
     return _FLATTEST if table.is_convex[a] and table.is_convex[b] else FLATTEST
+
+
+@small_kernel
+def least_cosine(table: FacetTable, a, b):
+    """Return the least cosine between facets of two bodies that are listed."""
+    return min(flattest(table, a, b), STEEPEST)
 
 
 @inner_kernel

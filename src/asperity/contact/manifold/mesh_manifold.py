@@ -28,8 +28,8 @@ from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.broad_phase.facet_pairs import (
-    flattest,
     half_diagonal,
+    least_cosine,
     pair_limits,
     relative_transform,
 )
@@ -129,7 +129,7 @@ def _fill_pairs(model, query, memory, space):
     relative_transform(query.frame_a, query.frame_b, transform)
     size = half_diagonal(table, query.first)
     pose = RelativePose(query.first, query.second, query.body, transform, size, query.step)
-    least = flattest(table, query.first, query.second)
+    least = least_cosine(table, query.first, query.second)
     limits = pair_limits(query.limit, query.raised, least)
     count = neighbour_pairs(table, pose, limits, memory.lists, facets)
     if facets.state[0].dropped > 0:
@@ -195,6 +195,7 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
         while limit < deep:
             limit *= 2.0
     workspace.search[0].usual = 1.0 / usual if has_map(model.facets, query) else 0.0
+    too_low = 0.0
     for _ in range(_MAX_ROUNDS):
         space.spent[0] = 0.0  # discarded rounds do not reduce the budget of the last one
         space.manifold.count[0].patches, space.manifold.count[0].dropped = first, dropped
@@ -210,8 +211,9 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
         if is_new and way_out == 0.0 and limit < min(RATIO * overlap + query.lowered, size):
             wanted = 2.0 * limit
         if wanted > limit:
+            too_low = limit
             limit *= 2.0
-        elif wanted <= 0.5 * limit and limit > least and way_out > 0.0:
+        elif wanted <= 0.5 * limit and limit > max(least, 2.0 * too_low) and way_out > 0.0:
             limit *= 0.5
         else:
             break
@@ -293,7 +295,7 @@ def _fill_weights(query, space, way_out, rest_io):
             own = part * scale_of(manifold.result[p]) ** 2
             patch.weight = max(own * way_out, 0.0)
             for k in range(3):
-                n[k] -= own * depth * depth * m[k]
+                n[k] += own * depth * (manifold.result[p].turn[k] - depth * m[k])
                 if own < 0.0:
                     rest_io[k] -= own * depth * m[k]
                     rest_io[3 + k] -= own * depth * moment[k]

@@ -6,8 +6,14 @@ import math
 
 from asperity._core.kernels import inner_kernel
 from asperity._core.records import clear_record
+from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.displaced_surface import place_at
-from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, fill_lateral, fill_properties
+from asperity.contact.narrow_phase.surface_patch import (
+    TRIPLANAR,
+    fill_lateral,
+    fill_properties,
+    lower_steep,
+)
 
 
 @inner_kernel
@@ -26,19 +32,20 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
         Origin of the body's frame in the contact frame [m].
     """
     clear_record(patch)
-    lateral, slope = patch.lateral, patch.slope
+    lateral, slope, facet_normal = patch.lateral, patch.slope, stack_array((3,))
     for i in range(3):
         at = translation[i]
-        x = y = w0 = w1 = w2 = 0.0
+        x = y = z = w0 = w1 = w2 = 0.0
         for k in range(3):
             m = rotation[i, k]
             at += m * table.origin[f, k]
             x += m * table.axes[f, 0, k]
             y += m * table.axes[f, 1, k]
+            z += m * table.axes[f, 2, k]
             w0 += m * table.w[f, k]
             w1 += m * table.w[f, 3 + k]
             w2 += m * table.w[f, 6 + k]
-        patch.origin[i], patch.normal[i] = at, w0
+        patch.origin[i], patch.normal[i], facet_normal[i] = at, w0, z
         patch.normal_from_x[i], patch.normal_from_y[i] = w1, w2
         if i < 2:
             lateral[i, 0], lateral[i, 1] = x, y
@@ -63,6 +70,8 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
         patch.stiffness_map, patch.compliance = -1, 1.0 / stiffness
     if texture < 0 and patch.friction_map < 0 and patch.stiffness_map < 0:
         return
+    if texture >= 0:
+        lower_steep(patch, facet_normal, geometry.texture_size[surface])
     patch.texture_top = table.top[f]
     for k in range(3):
         patch.texture_origin[k], patch.body_normal[k] = table.place[f, k], table.w[f, k]

@@ -13,7 +13,7 @@ from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_pairs import (
     PairLimits,
-    flattest,
+    least_cosine,
     overlapping_facet_pairs,
     relative_transform,
 )
@@ -277,7 +277,7 @@ def facets_along(model, frames, n, overlap, limits, memory, space, result_out):
     frame, search, region = memory.frame, memory.search[0], space.region
     facets, transform, local = region.facets, stack_array((3, 4)), stack_array((3,))
     relative_transform(body_a, body_b, transform)
-    pair_limits = PairLimits(overlap, _ANYWHERE, overlap, flattest(table, 0, 1))
+    pair_limits = PairLimits(overlap, _ANYWHERE, overlap, least_cosine(table, 0, 1))
     count = overlapping_facet_pairs(table, 0, 1, transform, pair_limits, facets)
     kept = 0
     for i in range(count):

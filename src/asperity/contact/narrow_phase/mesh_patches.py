@@ -15,7 +15,7 @@ from asperity.contact.narrow_phase.facet_patch import fill_facet_patch
 from asperity.contact.narrow_phase.geom_depth import fill_geom_patches
 from asperity.contact.narrow_phase.incumbent import TIE
 from asperity.contact.narrow_phase.patch_pair import pair_shift
-from asperity.contact.narrow_phase.surface_patch import FLATTEST
+from asperity.contact.narrow_phase.surface_patch import STEEPEST
 from asperity.contact.narrow_phase.warm_start import ON_BORDER
 
 
@@ -122,8 +122,8 @@ def _may_be_searched(table, f, cosine, least):
     `least` is `flattest` of the bodies, for facets without a texture.
     """
     # Facets of round geoms are replaced by exact patches.
-    is_smooth = table.top[f] == 0.0
-    return cosine >= FLATTEST or (is_smooth and cosine >= least) or table.geom[f] >= 0
+    has_texture = table.top[f] != 0.0
+    return cosine >= (STEEPEST if has_texture else least) or table.geom[f] >= 0
 
 
 @small_kernel

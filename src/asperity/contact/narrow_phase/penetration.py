@@ -154,7 +154,8 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
             friction += share * own
         else:
             result_out.unknown += share
-        height = -tie.point[2] if is_a else -tie.other_z
+        a, b = memory.patches_a[tie.pair // stride], memory.patches_b[tie.pair % stride]
+        height = -(tie.point[2] if is_a else tie.other_z) - a.lowered
         result_out.ties += 1
         total += share
         for k in range(3):
@@ -165,6 +166,12 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
             result_out.slope_normal[k] += share * q[k]
             one, two = (k + 1) % 3, (k + 2) % 3
             result_out.moment[k] += share * (p[one] * q[two] - p[two] * q[one])
+            if a.lowered > 0.0 or b.lowered > 0.0:
+                by_u, by_v = frame[0, k] * share, frame[1, k] * share
+                result_out.moment[k] += by_v * a.lowered_rate[0] - by_u * a.lowered_rate[1]
+                result_out.turn[k] -= share * (a.lowered + b.lowered) * q[k]
+                result_out.turn[k] += by_u * (a.lowered_rate[0] - b.lowered_rate[0])
+                result_out.turn[k] += by_v * (a.lowered_rate[1] - b.lowered_rate[1])
     if search.load > 0.0:
         result_out.scale = total / number
         result_out.depth = search.load * math.sqrt(search.usual) / result_out.scale
@@ -175,3 +182,4 @@ def fill_penetration(textures, stride, n, tolerance, memory, result_out):
         result_out.point[k] /= total
         result_out.slope_normal[k] /= total
         result_out.moment[k] /= total
+        result_out.turn[k] /= total

@@ -22,6 +22,7 @@ PENETRATION = np.dtype(
         ("moment", "f8", 3),  # mean of point x m [m]
         ("friction", "f8"),  # mean of Coulomb's coefficient if there is a friction map; else nan
         ("unknown", "f8"),  # share of the points at which neither surface has a coefficient
+        ("turn", "f8", 3),  # derivative by n beyond -depth m, of steep faces alone [m]
         ("scale", "f8"),  # square root of the stiffness there over that of the law; 0: no map
     ],
     align=True,
@@ -113,6 +114,8 @@ PATCH = np.dtype(
         ("normal_slope", "f8"),  # planes: bound of |w'| of the unit normal [1/m]
         ("normal_bend", "f8"),  # planes: bound of |w''| [1/m^2]
         ("texture_top", "f8"),  # highest texture on a facet [m]; inf: use that of the whole map
+        ("lowered", "f8"),  # how far a steep plane is lowered along z [m]: see `lower_steep`
+        ("lowered_rate", "f8", 2),  # its derivative by a rotation of z towards u and v [m]
         ("normal_lateral", "f8"),  # largest lateral part of the unit normal
         ("base_top", "f8"),  # largest z of the base within its borders [m]
         ("normal_min", "f8"),  # facets: least length of w

@@ -12,6 +12,9 @@ axis; an ellipsoid has E of rank two and `a` is the lateral offset from its cent
 a height over (u, v) in closed form, and (u, v) is an affine function of `a`. The textured surface
 is `p(a) = base(a) + t(a) w(a) / |w(a)|`, t the height of the texture.
 
+A textured plane does not end at `FLATTEST` at once: it is lowered along z, further and further, until
+it has dropped out at `STEEPEST`. So the depth is continuous as n turns.
+
 A patch ends at the sides of a rectangle of (x, y) and at its borders,
 
     k0 + k1 x + k2 y + k3 r + k4 (x^2 + y^2) <= 0.
@@ -34,6 +37,8 @@ from asperity._core.stack import stack_array
 
 FLATTEST = 0.2
 """Smallest cosine between the direction of contact and a normal that faces it."""
+STEEPEST = 0.15
+"""Cosine at which a textured plane, lowered from `FLATTEST` on, has dropped out."""
 
 PLANAR, CYLINDRICAL, TRIPLANAR = 0, 1, 2
 """Mappings of a texture onto a body."""
@@ -294,6 +299,20 @@ def _fill_cylinder_side(patch, centre, radius, half, is_edge, axes):
 
 
 @small_kernel
+def lower_steep(patch, normal, size):
+    """Lower a plane whose unit normal (3,) is steeper than `FLATTEST`; `size` is its relief [m]."""
+    x = min((FLATTEST - normal[2]) / (FLATTEST - STEEPEST), 0.999)
+    if x <= 0.0:
+        return
+    patch.lowered = size * x * x / (1.0 - x)
+    patch.origin[2] -= patch.lowered
+    patch.base_top -= patch.lowered
+    rate = -size * x * (2.0 - x) / (1.0 - x) ** 2 / (FLATTEST - STEEPEST)
+    for i in range(2):
+        patch.lowered_rate[i] = rate * normal[i]
+
+
+@small_kernel
 def _fill_fold(patch, rms_slope):
     """Fill the shear of a patch by its texture at its least inclination, where contact occurs."""
     lean = patch.normal_lateral
@@ -352,13 +371,14 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
             centre = stack_array((3,))
             for i in range(3):
                 centre[i] = place[i] + end * size[1] * z[i]
-            if kind == 4 and end * z[2] >= FLATTEST:
+            if kind == 4 and end * z[2] >= (STEEPEST if on_ends >= 0 else FLATTEST):
                 normal = stack_array((3,))
                 for i in range(3):
                     normal[i] = end * z[i]
                 _fill_plane(patches_out[at], centre, x, y, normal, size[0], size[0], False)
                 add_border(patches_out[at], -0.5 * size[0], 0.0, 0.0, 0.0, 0.5 / size[0], True)
                 patches_out[at].base_top = centre[2] + size[0] * math.hypot(x[2], y[2])
+                lower_steep(patches_out[at], normal, geometry.texture_size[surface])
                 patches_out[at].texture = on_ends
                 at += 1
             elif kind == 2:
@@ -376,7 +396,7 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
     elif kind == 5:
         for axis in range(3):
             up = axes[2, axis]
-            if abs(up) >= FLATTEST:
+            if abs(up) >= (STEEPEST if texture >= 0 else FLATTEST):
                 sign = 1.0 if up > 0.0 else -1.0
                 normal, centre = stack_array((3,)), stack_array((3,))
                 for i in range(3):
@@ -387,6 +407,7 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
                     patches_out[at], centre, axes[:, one], axes[:, two], normal, size[one],
                     size[two], True,
                 )  # fmt: skip
+                lower_steep(patches_out[at], normal, geometry.texture_size[surface])
                 patches_out[at].texture = texture
                 at += 1
     for i in range(first, at):
