@@ -311,6 +311,14 @@ def _is_independent(table, query, count, c, space):
 
 
 @inner_kernel
+def is_flat(sums):
+    """Return whether all facet normals of a direction are equal."""
+    n = sums.normal
+    square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
+    return square >= (1.0 - 1e-13) * sums.volume * sums.volume
+
+
+@inner_kernel
 def search_directions(model, parameters, query, count, memory, space, workspace):
     """Fill depths and residuals of all directions that count; return their number.
 
@@ -347,7 +355,8 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
         if searched > 0 and _is_resolved_by_each(table, query, count, d, space):
             # A region cut off at the limit need not be searched: see `mesh_manifold`.
             most = RATIO * (LONGEST if deepest < query.limit else 1.0) * least
-        is_near = deepest - query.lowered <= most / soft
+        # Only among parallel facets is the overlap along their normals that along the mean normal.
+        is_near = deepest - query.lowered <= most / soft or not is_flat(space.region.sums[d])
         if is_near:
             fill_mean_normal(table, count, d, space.region, direction.normal)
             is_near = not _is_redundant(table, query, count, d, space)

@@ -378,7 +378,6 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
                 _fill_plane(patches_out[at], centre, x, y, normal, size[0], size[0], False)
                 add_border(patches_out[at], -0.5 * size[0], 0.0, 0.0, 0.0, 0.5 / size[0], True)
                 patches_out[at].base_top = centre[2] + size[0] * math.hypot(x[2], y[2])
-                lower_steep(patches_out[at], normal, geometry.texture_size[surface])
                 patches_out[at].texture = on_ends
                 at += 1
             elif kind == 2:
@@ -407,7 +406,6 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
                     patches_out[at], centre, axes[:, one], axes[:, two], normal, size[one],
                     size[two], True,
                 )  # fmt: skip
-                lower_steep(patches_out[at], normal, geometry.texture_size[surface])
                 patches_out[at].texture = texture
                 at += 1
     for i in range(first, at):
@@ -417,4 +415,6 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
             fill_properties(geometry, surface, patches_out[i])
         _fill_derived(patches_out[i], frame, body, mapping, origin)
         _fill_fold(patches_out[i], geometry.rms_slope[surface])
+        if patches_out[i].bulge == 0.0 and patches_out[i].texture >= 0:
+            lower_steep(patches_out[i], patches_out[i].normal, geometry.texture_size[surface])
     return at
