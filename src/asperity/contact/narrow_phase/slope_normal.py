@@ -20,6 +20,8 @@ ON_EDGE = 10.0 * FEASIBLE
 """Distance from an edge up to which a point is on it [m]."""
 _CORNER = 1e-3
 """Sine of the angle between two edges above which they form a corner."""
+_LEVEL = 1e-4
+"""Difference of the slopes at a deepest point inside a facet, which is no more than rounding."""
 _PARALLEL = 1e-6
 """Sine of the angle between edges below which they count as parallel."""
 
@@ -131,7 +133,11 @@ def _fill_slope_normal(textures, patch, other, is_a, at, search, out):
         from_other = other_fall < fall if is_certain else is_a
     else:
         # An edge of one body slides on the other, whose slope is used.
-        is_certain, from_other = True, on_edge if on_edge != on_other_edge else is_a
+        from_other = on_edge if on_edge != on_other_edge else is_a
+        # Where facets of one plane meet at a corner of the body, only some of them have an edge.
+        off_u = other_sign * at.other_slope[0] - sign * at.slope[0]
+        off_v = other_sign * at.other_slope[1] - sign * at.slope[1]
+        is_certain = on_edge != on_other_edge or abs(off_u) + abs(off_v) < _LEVEL
     if from_other:
         out[0], out[1] = -other_sign * at.other_slope[0], -other_sign * at.other_slope[1]
     else:

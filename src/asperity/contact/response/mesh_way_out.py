@@ -41,7 +41,7 @@ _LONGER = 0.1
 _COVERED = 0.5
 """Fraction of another choice's distances that a choice covers, above which domination begins."""
 _LITTLE = 0.1
-"""Fraction of a depth below which covering it counts less towards domination."""
+"""Fraction of a depth, or twice that of a length, below which a distance counts less."""
 _ALIKE = 0.05
 """Difference of the distances of two choices, over the length, below which they begin to be one."""
 _AGAINST = 0.125
@@ -115,7 +115,7 @@ def _fill_needed(choices, rows, c):
 
     Where it resolves a direction, the tool may also move against that one.
     """
-    members, all_depths, alone = choices.members[c], 0.0, 1.0
+    members, all_depths = choices.members[c], 0.0
     for i in range(rows):
         if members >> i & 1:
             all_depths += choices.depth[i]
@@ -125,10 +125,8 @@ def _fill_needed(choices, rows, c):
             for j in range(rows):
                 if members >> j & 1:
                     left *= choices.residual[i, j]
-            alone *= 1.0 - left
         choices.needed[c, i] = left * choices.depth[i]
         choices.ways.inputs[i, 0] = choices.needed[c, i] - _AGAINST * (1.0 - left) * all_depths
-    choices.alone[c] = alone
 
 
 @inner_kernel
@@ -138,7 +136,8 @@ def _domination(choices, rows, c, other):
     for i in range(rows):
         need = choices.needed[other, i]
         if need > 0.0:
-            covered, left = min(choices.needed[c, i] / need, 1.0), need / choices.depth[i]
+            covered = min(choices.needed[c, i] / need, 1.0)
+            left = need / max(choices.depth[i], 0.5 * choices.ways.length[other])
             if left < _LITTLE:  # continuous as the distance vanishes
                 covered = 1.0 - smooth_step(left / _LITTLE) * (1.0 - covered)
             part *= covered
@@ -177,6 +176,12 @@ def _fill_shares(choices, rows, count):
     """Fill how far each choice is distinct, and how far it is dominated by no other."""
     length = choices.ways.length
     _fill_distinct(choices, rows, count)
+    for c in range(count):
+        choices.alone[c] = 1.0
+        for i in range(rows):
+            if not choices.members[c] >> i & 1 and choices.depth[i] > 0.0:
+                counts = smooth_step(choices.depth[i] / (2.0 * _LITTLE * length[c]))
+                choices.alone[c] *= 1.0 - counts * choices.needed[c, i] / choices.depth[i]
     for c in range(count):
         own = 1.0
         for other in range(count):
@@ -345,15 +350,14 @@ def _fill_rates(space, rows, count, s):
     by_s = (rise - _excess(choices, count, s - step)) / (2.0 * step)
     for i in range(rows):
         direction, depth = space.directions[choices.number[i]], choices.depth[i]
-        if depth == 0.0:
-            continue
-        choices.depth[i] = depth + step
-        rise = _excess_after_change(choices, rows, count, s)
-        choices.depth[i] = depth - step
-        direction.rate = -(rise - _excess_after_change(choices, rows, count, s)) / (
-            2.0 * step * by_s
-        )
-        choices.depth[i] = depth
+        if depth > 0.0:
+            choices.depth[i] = depth + step
+            rise = _excess_after_change(choices, rows, count, s)
+            choices.depth[i] = depth - step
+            direction.rate = -(rise - _excess_after_change(choices, rows, count, s)) / (
+                2.0 * step * by_s
+            )
+            choices.depth[i] = depth
         for k in range(3):
             n = inputs[i, 3 + k]
             inputs[i, 3 + k] = n + _STEP
