@@ -29,7 +29,7 @@ from asperity.contact.manifold.overlap_region import (
 )
 from asperity.contact.manifold.properties import least_scale
 from asperity.contact.manifold.records import MAX_DIRECTIONS, MAX_PARTS, MAX_PATCHES
-from asperity.contact.manifold.residual import fill_residuals
+from asperity.contact.manifold.residual import fill_residuals, is_narrow
 from asperity.contact.manifold.separation import LONGEST
 from asperity.contact.narrow_phase.geom_depth import SearchLimits, frame_round
 from asperity.contact.narrow_phase.load import scale_of
@@ -351,12 +351,14 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
     while d >= 0:
         direction = space.directions[d]
         direction.visited = 1
-        most, deepest = math.inf, space.region.sums[d].deepest
+        most, sums = math.inf, space.region.sums[d]
+        deepest = sums.deepest
         if searched > 0 and _is_resolved_by_each(table, query, count, d, space):
             # A region cut off at the limit need not be searched: see `mesh_manifold`.
             most = RATIO * (LONGEST if deepest < query.limit else 1.0) * least
         # Only among parallel facets is the overlap along their normals that along the mean normal.
-        is_near = deepest - query.lowered <= most / soft or not is_flat(space.region.sums[d])
+        is_near = deepest - query.lowered <= most / soft
+        is_near = is_near or not (is_flat(sums) or is_narrow(sums, query.raised))
         if is_near:
             fill_mean_normal(table, count, d, space.region, direction.normal)
             is_near = not _is_redundant(table, query, count, d, space)

@@ -41,7 +41,9 @@ _LONGER = 0.1
 _COVERED = 0.5
 """Fraction of another choice's distances that a choice covers, above which domination begins."""
 _LITTLE = 0.1
-"""Fraction of a depth, or twice that of a length, below which a distance counts less."""
+"""Fraction of a depth, or of a tenth of a length, below which covering a distance counts less."""
+_COUNTS = 0.2
+"""Depth of a direction, over the length of a choice, from which on it counts as not resolved."""
 _ALIKE = 0.05
 """Difference of the distances of two choices, over the length, below which they begin to be one."""
 _AGAINST = 0.125
@@ -137,7 +139,7 @@ def _domination(choices, rows, c, other):
         need = choices.needed[other, i]
         if need > 0.0:
             covered = min(choices.needed[c, i] / need, 1.0)
-            left = need / max(choices.depth[i], 0.5 * choices.ways.length[other])
+            left = need / max(choices.depth[i], _LITTLE * choices.ways.length[other])
             if left < _LITTLE:  # continuous as the distance vanishes
                 covered = 1.0 - smooth_step(left / _LITTLE) * (1.0 - covered)
             part *= covered
@@ -180,7 +182,7 @@ def _fill_shares(choices, rows, count):
         choices.alone[c] = 1.0
         for i in range(rows):
             if not choices.members[c] >> i & 1 and choices.depth[i] > 0.0:
-                counts = smooth_step(choices.depth[i] / (2.0 * _LITTLE * length[c]))
+                counts = smooth_step(choices.depth[i] / (_COUNTS * length[c]))
                 choices.alone[c] *= 1.0 - counts * choices.needed[c, i] / choices.depth[i]
     for c in range(count):
         own = 1.0
