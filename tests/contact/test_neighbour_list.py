@@ -17,7 +17,7 @@ from asperity.contact.broad_phase.neighbour_list import (
     neighbour_pairs,
 )
 from asperity.contact.broad_phase.neighbour_records import clear_lists, neighbour_list
-from asperity.contact.narrow_phase.surface_patch import FLATTEST
+from asperity.contact.narrow_phase.steep_plane import FLATTEST
 from asperity.geometry.poses import rotated
 from asperity.scene.builtin import load_scene
 from asperity.simulation.press import touching_pose

@@ -17,7 +17,7 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import FacetTable
-from asperity.contact.narrow_phase.surface_patch import FLATTEST, STEEPEST
+from asperity.contact.narrow_phase.steep_plane import FLATTEST, STEEPEST
 
 MAX_FACET_PAIRS = 32768
 _FLATTEST = 0.01

@@ -36,7 +36,7 @@ from asperity.contact.narrow_phase.load import scale_of
 from asperity.contact.narrow_phase.mesh_depth import SplitRegion, region_depths
 from asperity.contact.narrow_phase.mesh_patches import FacetQuery
 from asperity.contact.narrow_phase.penetration import may_touch
-from asperity.contact.narrow_phase.surface_patch import FLATTEST
+from asperity.contact.narrow_phase.steep_plane import FLATTEST
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import depth_tolerance, to_body, to_world
 

@@ -15,7 +15,7 @@ from asperity.contact.narrow_phase.facet_patch import fill_facet_patch
 from asperity.contact.narrow_phase.geom_depth import fill_geom_patches
 from asperity.contact.narrow_phase.incumbent import TIE
 from asperity.contact.narrow_phase.patch_pair import pair_shift
-from asperity.contact.narrow_phase.surface_patch import STEEPEST
+from asperity.contact.narrow_phase.steep_plane import STEEPEST
 from asperity.contact.narrow_phase.warm_start import ON_BORDER
 
 

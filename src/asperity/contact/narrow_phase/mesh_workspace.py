@@ -22,7 +22,7 @@ from asperity.contact.manifold.residual import Residuals, residuals
 from asperity.contact.narrow_phase.node_queue import NodeQueue, node_queue
 from asperity.contact.narrow_phase.records import PATCH_SLOT
 from asperity.contact.records import MAX_SEPARATIONS, SEPARATION
-from asperity.contact.response.mesh_way_out import MeshChoices, mesh_choices
+from asperity.contact.response.mesh_choices import MeshChoices, mesh_choices
 from asperity.contact.response.ways_out import WaysOut, ways_out
 
 MAX_SURFACE_PATCHES = 4096

@@ -12,15 +12,12 @@ axis; an ellipsoid has E of rank two and `a` is the lateral offset from its cent
 a height over (u, v) in closed form, and (u, v) is an affine function of `a`. The textured surface
 is `p(a) = base(a) + t(a) w(a) / |w(a)|`, t the height of the texture.
 
-A textured plane does not end at `FLATTEST` at once: it is lowered along z, further and further, until
-it has dropped out at `STEEPEST`. So the depth is continuous as n turns.
-
 A patch ends at the sides of a rectangle of (x, y) and at its borders,
 
     k0 + k1 x + k2 y + k3 r + k4 (x^2 + y^2) <= 0.
 
 A border is either an edge of the body or a limit of the patch alone. Parts of the surface whose
-normal has a z component below `FLATTEST` belong to no patch.
+normal has a z component below `FLATTEST` belong to no patch; textured planes: see `steep_plane`.
 
 Patches are `PATCH` records, filled in every tick without allocation.
 """
@@ -34,11 +31,7 @@ import numpy as np
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.records import clear_record
 from asperity._core.stack import stack_array
-
-FLATTEST = 0.2
-"""Smallest cosine between the direction of contact and a normal that faces it."""
-STEEPEST = 0.15
-"""Cosine at which a textured plane, lowered from `FLATTEST` on, has dropped out."""
+from asperity.contact.narrow_phase.steep_plane import FLATTEST, STEEPEST, lower_steep
 
 PLANAR, CYLINDRICAL, TRIPLANAR = 0, 1, 2
 """Mappings of a texture onto a body."""
@@ -296,20 +289,6 @@ def _fill_cylinder_side(patch, centre, radius, half, is_edge, axes):
     patch.map_sense = 1.0 if along_x * turned_y - along_y * turned_x > 0.0 else -1.0
     patch.lean = lean
     return True
-
-
-@small_kernel
-def lower_steep(patch, normal, size):
-    """Lower a plane whose unit normal (3,) is steeper than `FLATTEST`; `size` is its relief [m]."""
-    x = min((FLATTEST - normal[2]) / (FLATTEST - STEEPEST), 0.999)
-    if x <= 0.0:
-        return
-    patch.lowered = size * x * x / (1.0 - x)
-    patch.origin[2] -= patch.lowered
-    patch.base_top -= patch.lowered
-    rate = -size * x * (2.0 - x) / (1.0 - x) ** 2 / (FLATTEST - STEEPEST)
-    for i in range(2):
-        patch.lowered_rate[i] = rate * normal[i]
 
 
 @small_kernel
