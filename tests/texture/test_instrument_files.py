@@ -5,8 +5,10 @@ import struct
 import zipfile
 import zlib
 
+import h5py
 import numpy as np
 import pytest
+import scipy.io
 import tifffile
 
 from asperity.errors import SurfaceError
@@ -403,3 +405,18 @@ def test_normals_in_floats_are_integrated(exr):
 def test_normals_in_floats_are_not_taken_for_heights(exr):
     with pytest.raises(SurfaceError, match="normal map"):
         read_heights(exr({"RGB": normals()}), pixel_size=1e-5, height_range=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["mat", "h5"])
+def test_plain_arrays_have_a_row_for_each_v(tmp_path, kind):
+    pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .mat and .h5")
+    v, u = np.mgrid[0:20, 0:30]
+    arrays, path = {"X": 1e-5 * u, "Y": 1e-5 * v, "Z": MAP}, tmp_path / f"a.{kind}"
+    if kind == "mat":
+        scipy.io.savemat(path, arrays)
+    else:
+        with h5py.File(path, "w") as file:
+            file.update(arrays)
+    found = read_heights(path, pixel_size=1e-5, unit="m")
+    np.testing.assert_allclose(found.samples, MAP, atol=1e-15)
+    assert any("'Z'" in note for note in found.notes)
