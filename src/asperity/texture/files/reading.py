@@ -321,7 +321,7 @@ def _pixel_size(
     if given is None and own is None:
         wanted.append("pixel_size [m]")
     if height_range is None and stored.scale is None:
-        wanted.append("height_range [m], lowest to highest")
+        wanted.append("height_range [m], lowest to highest, or unit")
     if wanted:
         dots = stored.printed_size if given is None and own is None else None
         hint = (

@@ -33,7 +33,7 @@ _LABELS = {
         cell size; xy calibration; lateral resolution; lateral sampling; pixel width and height;
         taille de pixel; taille du pixel; sampling interval; sample spacing; tamaño de píxel;
         sampling; sampling distance; point spacing; pixelabstand; punktabstand;
-        dimensione pixel; grid spacing; pixel pitch;
+        dimensione pixel; grid spacing; pixel pitch; pitch; spacing; step size;
         xy-kalibrierung; calibrage xy; étalonnage xy; lateral calibration;
         resolution xy; xy resolution; xyキャリブレーション; xy校准; xy标定""",
     "pixel_x": """pixel size x; x pixel size; x-pixel size; dx; x step; x spacing; x increment;
