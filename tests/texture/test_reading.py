@@ -626,3 +626,13 @@ def test_every_real_file_is_read_or_refused_in_one_line(data: Path) -> None:
     # A coin in an instrument's format is read only where its reader is installed.
     assert refused.keys() - {"tmd-1.tmd"} == {"LICENSE", "fabric_pattern_07_nor_gl_1k.jpg"}
     assert all(name in line and "valid" in line for name, line in refused.items())
+
+
+def test_arrays_of_points_and_sizes_without_a_unit_are_doubted(tmp_path):
+    points = np.random.default_rng(0).random((200, 4))
+    np.save(tmp_path / "a.npy", points)
+    notes = read_heights(tmp_path / "a.npy", pixel_size=1e-3, unit="mm").notes
+    assert any("are they points" in note for note in notes)
+    np.savez(tmp_path / "a.npz", heights=points[:20], unit="mm", pixel_size=0.2)
+    notes = read_heights(tmp_path / "a.npz").notes
+    assert any("is pixel_size in mm too?" in note for note in notes)

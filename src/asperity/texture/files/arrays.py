@@ -33,6 +33,9 @@ _PLACE_KEYS = tuple(re.compile(rf"{axis}(_(nm|um|mm|m))?", re.IGNORECASE) for ax
 _UNIT_KEYS = ("unit", "units", "height_unit", "height_units", "z_unit", "z_units", "unit_z")
 """Names of an array of one text, the unit of the heights."""
 _HEIGHT_KEY = re.compile(r".+_(nm|um|mm|m)")
+_FEW, _LONG = 8, 16
+"""Columns of points at most, and rows a column from which an array is suspected to hold them."""
+_ARE_POINTS = "are they points, x, y and z in each row? Valid as text, or as heights on their grid"
 _VALID = "valid: an array of numbers, saved by numpy.save or numpy.savez"
 
 
@@ -57,9 +60,12 @@ def _numbers(path: Path, values: Any, unit: str = "") -> Stored:
     if values.dtype.kind not in "uif":
         refuse(path, f"it holds {values.dtype} values; valid: real numbers")
     scale = SHORT[unit or "m"]
+    notes: tuple[str, ...] = ()
+    if values.ndim == 2 and values.shape[1] <= _FEW and len(values) > _LONG * values.shape[1]:
+        notes = (f"a map of {values.shape[1]} columns and {len(values)} rows: {_ARE_POINTS}",)
     if values.dtype.kind in "ui" and not unit:
-        return Stored(values, (GREY_LEVELS,), scale=None, step=level_step(values))
-    return Stored(values, () if unit else (NO_UNIT,), None, scale, unit)
+        return Stored(values, (*notes, GREY_LEVELS), scale=None, step=level_step(values))
+    return Stored(values, notes if unit else (*notes, NO_UNIT), None, scale, unit)
 
 
 def load_npz(path: Path, array: str | None = None) -> Stored:
@@ -100,6 +106,9 @@ def load_npz(path: Path, array: str | None = None) -> Stored:
         named = _PIXEL_KEY.fullmatch(key)
         if named and sizes.dtype.kind in "iuf" and sizes.size in (1, 2):
             pu, pv = np.broadcast_to(np.ravel(sizes), 2) * SHORT[named.group(3) or "m"]
+            if not named.group(3) and stored.unit not in ("", "m"):
+                doubt = f"is {key} in {stored.unit} too? Its name states none: read in m"
+                stored = stored._replace(notes=(*stored.notes, doubt))
             return stored._replace(pixel_size=(float(pu), float(pv)))
     return stored
 
