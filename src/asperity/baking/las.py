@@ -19,7 +19,7 @@ _NOISE = (7, 18)
 
 
 def read_las(path: Path) -> tuple[Array, None, tuple[str, ...]]:
-    """Return the points (n, 3) of a LAS or LAZ file, their unit, which it does not state, and notes.
+    """Return the points (n, 3) of a LAS or LAZ file, no unit, and notes.
 
     Points that it marks as withheld or as noise are left out.
 
@@ -60,7 +60,8 @@ def read_las(path: Path) -> tuple[Array, None, tuple[str, ...]]:
     left_out = withheld | np.isin(np.asarray(cloud.classification), _NOISE)
     if not left_out.any() or left_out.all():
         return places, None, ()
-    note = f"{np.count_nonzero(left_out)} points are left out: the file marks them as noise or withheld"
+    count = np.count_nonzero(left_out)
+    note = f"{count} points are left out: the file marks them as noise or withheld"
     return places[~left_out], None, (note,)
 
 
