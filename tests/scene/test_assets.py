@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 import asperity
@@ -459,3 +460,14 @@ def test_a_mesh_s_file_is_read_once_for_a_scene_and_again_for_the_next(tile, mon
     for count in (1, 2):
         asperity.make_scene(tool="sphere:3mm", target=tile(), target_texture="knurl:1mm")
         assert len(read) == count
+
+
+@pytest.mark.parametrize(("suffix", "up"), [(".glb", "y"), (".obj", "")])
+def test_a_mesh_whose_file_states_what_is_up_stands_upright(tmp_path, suffix, up):
+    trimesh.creation.box((0.04, 0.005, 0.03)).export(tmp_path / f"plate{suffix}")
+    scene = asperity.make_scene(tool="sphere:3mm", target=tmp_path / f"plate{suffix}")
+    size = np.ptp(next(b for b in scene.bodies if b.name == "target").mesh.vertices, axis=0)
+    np.testing.assert_allclose(size, (0.04, 0.03, 0.005) if up else (0.04, 0.005, 0.03), rtol=1e-5)
+    assert any("points upwards" in note for note in scene.notes) == bool(up)
+    kept = file_table(f"{tmp_path}/plate.glb:quaternion=1,0,0,0")
+    assert kept["quaternion"] == [1.0, 0.0, 0.0, 0.0]

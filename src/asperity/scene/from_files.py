@@ -48,6 +48,8 @@ _FAR = 10.0
 """Distance from the origin beyond which a mesh is moved there, in its sizes."""
 _LEAST = 4
 """Vertices that MuJoCo draws a mesh of."""
+_TURNS = {"y": (0.5**0.5, 0.5**0.5, 0.0, 0.0), "x": (0.5**0.5, 0.0, -(0.5**0.5), 0.0)}
+"""Quaternions that turn an axis to z, about x and about y."""
 _COLOURS = {"tool": "0.42 0.55 0.72 1", "target": "0.8 0.74 0.63 1"}
 
 _SOLID = f"a file of a mesh, or a solid such as sphere:3mm ({', '.join(PRIMITIVES)})"
@@ -175,6 +177,7 @@ def _part(which: str, source: File, texture: File | None, unit: str | None) -> _
             f"{which}: {mesh.name} has {len(mesh.vertices)} vertices; valid: {_LEAST} or more"
         )
     notes: list[str] = []
+    mesh = _upright(table, which, mesh, notes)
     mesh = _near_origin(table, which, mesh, notes)
     body: dict[str, Any] = {"mesh": table}
     laid, maps = _texture(which, texture, notes)
@@ -242,6 +245,18 @@ def _texture(
         notes += [note] if note else []
         return table, {}
     return _table(f"{which}_texture", texture), {}
+
+
+def _upright(table: dict[str, Any], which: str, mesh: Mesh, notes: list[str]) -> Mesh:
+    """Return a mesh turned such that the axis that its file states as upwards is along z."""
+    if mesh.up not in _TURNS or "quaternion" in table:
+        return mesh
+    table["quaternion"] = list(_TURNS[mesh.up])
+    notes.append(
+        f"its {mesh.up} axis points upwards, as the file states: turned to z; "
+        "quaternion=1,0,0,0 keeps it"
+    )
+    return body_mesh(table, which, None) or mesh
 
 
 def _near_origin(table: dict[str, Any], which: str, mesh: Mesh, notes: list[str]) -> Mesh:

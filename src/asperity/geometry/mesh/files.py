@@ -123,7 +123,7 @@ def mesh_of(
     if normals is not None and hard_angle is None:
         notes.append("the file's normals carry the displacement")
     materials = tuple(_in_metres(material, UNITS[unit]) for material in materials)
-    return replace(mesh, notes=(*notes, *mesh.notes), materials=materials)
+    return replace(mesh, notes=(*notes, *mesh.notes), materials=materials, up=contents.up or "")
 
 
 def read_contents(path: Path) -> Contents:
