@@ -11,6 +11,7 @@ from PIL import Image
 
 import asperity
 from asperity.errors import AsperityError
+from asperity.geometry.mesh.map_names import maps_in_folder
 from asperity.scene.scale import scale_rows, scale_table
 from asperity.scene.shorthand import file_table, pattern, primitive
 
@@ -471,3 +472,13 @@ def test_a_mesh_whose_file_states_what_is_up_stands_upright(tmp_path, suffix, up
     assert any("points upwards" in note for note in scene.notes) == bool(up)
     kept = file_table(f"{tmp_path}/plate.glb:quaternion=1,0,0,0")
     assert kept["quaternion"] == [1.0, 0.0, 0.0, 0.0]
+
+
+def test_the_workflow_behind_a_size_is_no_kind_of_map(tmp_path):
+    shown = ["DISP", "NRM", "COL", "ROUGHNESS", "METALNESS", "AO"]
+    for word in shown:
+        (tmp_path / f"Bricks09_{word}_4K_METALNESS.png").write_bytes(b"")
+    maps = maps_in_folder(tmp_path, [])
+    assert {kind: picture.name.split("_")[1] for kind, picture in maps.items()} == {
+        "displacement": "DISP", "normal": "NRM", "colour": "COL", "roughness": "ROUGHNESS",
+    }  # fmt: skip
