@@ -218,3 +218,19 @@ def test_profiles_over_time_need_a_pixel_size_and_those_along_a_line_none(tmp_pa
     found = read(tmp_path / "b.csv", "X (mm),Y (mm),Z (mm)\n" + flat, pixel_size=None, unit=None)
     np.testing.assert_allclose(found.samples, 1e-6 * line, atol=1e-10)
     assert found.pixel_size == pytest.approx(PIXEL)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "numCols\tnumRows\tpixelSize (um)\n30\t20\t10.0\nZ-data (um)\n",
+        "Columns,Rows,Pitch [mm]\n30,20,0.01\nHeight [um]\n",
+        "# pixel_size_um: 10\n# z_unit: um\n",
+        "# x_step_mm = 0.01\n# y_step_mm = 0.01\n# unit = um\n",
+    ],
+)
+def test_sizes_in_lines_above_a_matrix(tmp_path: Path, head: str) -> None:
+    mark = "\t" if "\t" in head else ","
+    found = read(tmp_path / "a.txt", head + rows(HEIGHTS, mark), pixel_size=None, unit=None)
+    same(found)
+    assert found.pixel_size == pytest.approx(PIXEL)

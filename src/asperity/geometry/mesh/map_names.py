@@ -24,7 +24,8 @@ _BY_NAME = {
     "colour": ("color", "colour", "basecolor", "basecolour", "albedo", "diffuse", "diff", "col"),
     "roughness": ("roughness", "rough", "rgh"),
     "other": ("ao", "ambientocclusion", "occlusion", "occ", "arm", "orm", "rma", "mra", "mrao",
-              "metallic", "metalness", "opacity", "alpha", "mask", "cavity", "gloss", "glossiness", "smoothness",
+              "metallic", "metalness", "opacity", "alpha", "mask", "cavity", "gloss", "glossiness",
+              "smoothness",
               "specular", "spec", "reflection", "translucency", "transmission", "emission",
               "emissive", "curvature", "thickness", "preview", "thumb", "thumbnail", "render"),
 }  # fmt: skip

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
+from asperity._core.text_form import is_heading, is_number
 from asperity._core.units import LENGTHS, length_of, named_unit
 
 _LABELS = {
@@ -172,7 +174,9 @@ def _findings(
     units: tuple[str, float | None] | None = None
     for label, text in _pairs(lines):
         bare = " ".join(re.sub(r"\[.*?\]|(?<!-> m)\(.*?\)$", "", label.casefold()).split())
-        meaning = _MEANING.get(label.casefold()) or _MEANING.get(bare)
+        named = named_unit(label, LENGTHS)
+        plain = bare.removesuffix(named[0].casefold() if named else "").replace("_", " ").strip()
+        meaning = next(filter(None, map(_MEANING.get, (label.casefold(), bare, plain))), None)
         two = _two_lengths(label, text) if meaning in ("width", "pixel") or bare in _WHOLE else None
         if two is not None:
             keys = ("pixel_x", "pixel_y") if meaning == "pixel" else ("width", "height")
@@ -187,7 +191,6 @@ def _findings(
         word, _, each = (value.group(2) or "").strip("[]() ").partition("/")
         if each and not _SAMPLE.match(each.strip()):
             continue  # a speed
-        named = named_unit(label, LENGTHS)
         metres = length_of(word) if word else (named[1] if named else None)
         if meaning == "unit" and metres is not None:
             units = (text, number * metres)
@@ -236,6 +239,10 @@ def _two_lengths(label: str, text: str) -> tuple[float, float] | None:
 
 
 def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
+    for line, below in pairwise(lines):
+        names, values = (re.split(r"\s*[\t,;]\s*", one.strip()) for one in (line, below))
+        if 1 < len(names) == len(values) and is_heading(line) and all(map(is_number, values)):
+            yield from zip(names, values, strict=True)
     for line in lines:
         bare = line.replace('"', "").rstrip(" ,;\t")  # spreadsheets fill lines with empty cells
         line = _POWER.sub(lambda m: f"{m.group(1) or 1}e{m.group(2)} ", bare)
