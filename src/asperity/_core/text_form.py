@@ -179,7 +179,7 @@ def _cells(line: str) -> int:
 
 
 def is_heading(line: str) -> bool:
-    """Return whether a line has words, and no number of its own."""
+    """Return whether a line has words, and no number among them."""
     words = [word for word in WORD.findall(line.replace('"', " ")) if word.lower() not in MISSING]
     return bool(words) and not any(_NUMBER.fullmatch(word) for word in words)
 
