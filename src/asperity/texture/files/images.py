@@ -26,6 +26,7 @@ from asperity.texture.files.checks import MAX_SAMPLES
 from asperity.texture.files.colours import grey
 from asperity.texture.files.levels import smooth_levels as smooth_levels
 from asperity.texture.files.picture_heads import as_stored, gwyddion_scale
+from asperity.texture.files.png16 import read_png16
 from asperity.texture.files.printed_size import printed_size, printed_size_of_tiff
 from asperity.texture.files.stored import Stored, check_size
 from asperity.texture.files.tiff_scale import (
@@ -136,6 +137,21 @@ def read_pixels(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
     return picture.pixels, picture.notes
 
 
+def picture_scale(
+    path: Path,
+) -> tuple[tuple[int, int], tuple[float, float] | None, float | None]:
+    """Return rows and columns of an image, and what it states of its pixel size and unit [m].
+
+    Raises `PreviewOnlyError` where its heights stand elsewhere in the file.
+    """
+    picture = _read(path)
+    if picture.preview:
+        raise PreviewOnlyError(path)
+    rows, columns = picture.pixels.shape[:2]
+    metres = length_of(picture.unit) if picture.unit else None
+    return (rows, columns), picture.pixel_size, metres
+
+
 def _read(path: Path) -> _Picture:
     suffix = path.suffix.lower()
     if suffix == ".exr":
@@ -148,7 +164,7 @@ def _read(path: Path) -> _Picture:
         columns, rows, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", head[16:29])
         if depth == 16 and colour in _PNG_COLOURS:
             check_size(path, rows, columns)
-            pixels = _png16(path, (columns, rows), _PNG_COLOURS[colour], interlaced)
+            pixels = read_png16(path, (columns, rows), _PNG_COLOURS[colour], interlaced)
             with _opened(path) as image:
                 picture = _Picture(pixels, printed_size=printed_size(image.info.get("dpi")))
                 return _upright(picture, _orientation(image))
@@ -173,33 +189,6 @@ def _upright(picture: _Picture, orientation: int, why: str = "") -> _Picture:
         pixels=turned(picture.pixels), notes=(*picture.notes, note), missing=missing,
         pixel_size=size,
     )  # fmt: skip
-
-
-def _png16(path: Path, size: tuple[int, int], mode: str, interlaced: int) -> NDArray[np.uint16]:
-    """Return the pixels of a 16-bit PNG of several channels.
-
-    Pillow opens these files with 8 bits a channel. Its zip decoder yields all bits in two passes,
-    for the upper and for the lower byte, or, with two channels, when the four bytes of a pixel are
-    declared as RGBA.
-    """
-    from PIL import Image
-
-    content, place, stream = path.read_bytes(), 8, []
-    while place + 8 <= len(content):
-        length, name = struct.unpack(">I4s", content[place : place + 8])
-        if name == b"IDAT":
-            stream.append(content[place + 8 : place + 8 + length])
-        place += length + 12
-    data = b"".join(stream)
-
-    def decoded(as_mode: str, layout: str) -> NDArray[np.uint16]:
-        image = Image.frombytes(as_mode, size, data, "zip", layout, interlaced)
-        return np.asarray(image).astype(np.uint16)
-
-    if mode == "LA":
-        pixels = decoded("RGBA", "RGBA")
-        return pixels[..., 0::2] * np.uint16(256) + pixels[..., 1::2]
-    return decoded(mode, f"{mode};16B") * np.uint16(256) + decoded(mode, f"{mode};16L")
 
 
 def _read_pillow(path: Path) -> _Picture:
