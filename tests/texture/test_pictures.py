@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
-from PIL import Image, PngImagePlugin
+from PIL import Image, PngImagePlugin, TiffImagePlugin
 
 from asperity.errors import SurfaceError
 from asperity.texture.files import levels
@@ -535,3 +535,16 @@ def test_a_geotiff_whose_rows_go_northwards(tmp_path) -> None:
     found = read_heights(path, unit="m")
     like(found)
     assert any("northwards" in note for note in found.notes)
+
+
+def test_what_a_tiff_states_is_read_whatever_its_compression(tmp_path) -> None:
+    head = TiffImagePlugin.ImageFileDirectory_v2()
+    items = {"SCALE": "0.001", "OFFSET": "5", "UNITTYPE": "um"}
+    head[42112] = "".join(f'<Item name="{k}" sample="0">{v}</Item>' for k, v in items.items())
+    head.tagtype[42112] = 2
+    image, path = Image.fromarray(np.round(40000 * SHARE).astype(np.uint16)), tmp_path / "a.tif"
+    for compression in (None, "tiff_lzw", "tiff_adobe_deflate"):
+        image.save(path, compression=compression, tiffinfo=head)
+        found = read_heights(path, pixel_size=PIXEL)
+        like(found)
+        assert found.samples.min() == pytest.approx(5e-6)

@@ -301,8 +301,7 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
                 f"{path}: this compression of 16-bit colour needs a reader that is not "
                 "installed; valid: pip install imagecodecs, or save it without compression"
             ) from None
-        picture = _read_pillow(path)._replace(pixel_size=tiff_pixel_size(file))
-        return _without_nodata(picture, page)
+        return _as_stated(_read_pillow(path), file, page)
     if page.photometric == kinds.PALETTE:
         pixels = np.moveaxis(page.colormap[:, pixels], 0, -1)
         notes = (*notes, "the palette is looked up")
@@ -312,17 +311,23 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
     if page.samplesperpixel > 1 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE:
         pixels = np.moveaxis(pixels, 0, -1)
     orientation = page.tags.get(_ORIENTATION)
-    picture = _without_nodata(_Picture(pixels, notes, None, tiff_pixel_size(file)), page)
+    turn = 1 if orientation is None else int(orientation.value)
+    return _as_stated(_Picture(pixels, notes), file, page, turn)
+
+
+def _as_stated(picture: _Picture, file: Any, page: Any, orientation: int = 1) -> _Picture:
+    """Return the picture of a TIFF's page with its scale, what is missing, and upright."""
+    picture = _without_nodata(picture._replace(pixel_size=tiff_pixel_size(file)), page)
     picture = _scaled(picture, value_scale(file))
     picture = picture._replace(printed_size=printed_size_of_tiff(page))
     if len(file.pages) > 1 and file.pages[1].is_mask and picture.missing is None:
         inside = file.pages[1].asarray()
-        if inside.shape == pixels.shape[:2]:
+        if inside.shape == picture.pixels.shape[:2]:
             clear = f"{np.count_nonzero(inside == 0)} pixels are missing, as the file's mask states"
             picture = picture._replace(missing=inside == 0, notes=(*picture.notes, clear))
     if is_south_up(file):
         return _upright(picture, 4, "its rows go northwards (GeoTIFF): the first is at the bottom")
-    return _upright(picture, 1 if orientation is None else int(orientation.value))
+    return _upright(picture, orientation)
 
 
 def _scaled(picture: _Picture, stated: ValueScale | None) -> _Picture:
