@@ -331,7 +331,9 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
         values[:, 0] += 1e-9 * text.values([layout.nanoseconds])[:, 0]
     values, timed = _timed(path, values, layout, rate, shown, frame_rate(text.header))
     notes = (*notes, *timed)
-    origins, is_named = _Origins(text.row, rows), names is not None or order is not None
+    unsure = any(note.startswith("no name states the order") for note in said)
+    is_named = (names is not None and not unsure) or order is not None
+    origins = _Origins(text.row, rows)
     return _Table(values, layout, notes, origins, is_named, start)
 
 
