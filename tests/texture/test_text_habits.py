@@ -234,3 +234,9 @@ def test_sizes_in_lines_above_a_matrix(tmp_path: Path, head: str) -> None:
     found = read(tmp_path / "a.txt", head + rows(HEIGHTS, mark), pixel_size=None, unit=None)
     same(found)
     assert found.pixel_size == pytest.approx(PIXEL)
+
+
+@pytest.mark.parametrize("names", ["lat,lon,height_um", "Longitude [deg],Latitude [deg],z"])
+def test_latitude_and_longitude_are_refused(tmp_path: Path, names: str) -> None:
+    with pytest.raises(SurfaceError, match=r"angles .*valid: x, y, z in a unit of length"):
+        read(tmp_path / "a.csv", names + "\n" + points("{x}e-7,{y}e-7,{z}"), pixel_size=None)

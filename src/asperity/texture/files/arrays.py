@@ -28,7 +28,12 @@ ARRAY_SUFFIXES = (".npy", ".npz", ".csv", ".txt", ".tsv")
 GREY_LEVELS = "whole numbers are read as grey levels"
 """Note on arrays of integers."""
 _PIXEL_KEY = re.compile(r"(?:pixel(_?(?:size|pitch|spacing))?|spacing)(_(nm|um|mm|m))?")
-_STEP_KEYS = tuple(re.compile(rf"d{axis}(_(nm|um|mm|m))?") for axis in "xy")
+_STEP_KEYS = tuple(
+    re.compile(
+        rf"(?:d{axis}|{axis}_(?:step|spacing|pixel_size)|pixel_?size_{axis})(_(nm|um|mm|m))?"
+    )
+    for axis in "xy"
+)
 _PLACE_KEYS = tuple(re.compile(rf"{axis}(_(nm|um|mm|m))?", re.IGNORECASE) for axis in "xy")
 _UNIT_KEYS = ("unit", "units", "height_unit", "height_units", "z_unit", "z_units", "unit_z")
 """Names of an array of one text, the unit of the heights."""
@@ -119,6 +124,8 @@ def _placed(stored: Stored, arrays: dict[str, Any]) -> Stored | None:
     for axis, of in zip((1, 0), _PLACE_KEYS, strict=True):
         named = next(filter(None, map(of.fullmatch, arrays)), None)
         places = arrays[named.group()] if named else None
+        if places is not None and places.shape == values.shape:
+            places = _of_mesh_grid(places, axis)
         if values.ndim != 2 or places is None or places.dtype.kind not in "iuf":
             return None
         if places.shape != values.shape[axis : axis + 1] or len(places) < 3:
@@ -130,6 +137,13 @@ def _placed(stored: Stored, arrays: dict[str, Any]) -> Stored | None:
         size.append(abs(float(steps.mean())) * SHORT[(named and named.group(2)) or "m"])
     notes = (*stored.notes, "its pixel size is that of the places x and y beside the heights")
     return stored._replace(values=values, pixel_size=(size[0], size[1]), notes=notes)
+
+
+def _of_mesh_grid(places: Any, axis: int) -> Any:
+    """Return the places along an axis of an array that repeats them, as meshgrid makes it."""
+    line = places[0] if axis else places[:, 0]
+    repeated = line[None, :] if axis else line[:, None]
+    return line if places.ndim == 2 and (places == repeated).all() else None
 
 
 def _in_stated_unit(stored: Stored, arrays: dict[str, Any]) -> Stored:
@@ -156,9 +170,12 @@ def _choose_array(path: Path, arrays: dict[str, Any], array: str | None) -> str:
         for name, values in arrays.items()
         if values.dtype.kind in "iuf" and not _PIXEL_KEY.fullmatch(name)
     }
-    maps = [n for n, values in numeric.items() if values.ndim == 2] or [
-        n for n, values in numeric.items() if values.ndim == 1 and values.size > 3
-    ]
+    maps = [n for n, values in numeric.items() if values.ndim == 2]
+    maps = (
+        [n for n in maps if not any(of.fullmatch(n) for of in _PLACE_KEYS)]
+        or maps
+        or [n for n, values in numeric.items() if values.ndim == 1 and values.size > 3]
+    )
     if len(maps) != 1:
         how_many = "several arrays" if maps else "no array"
         refuse(path, f"{how_many} of heights; choose with array= from: {', '.join(arrays)[:200]}")

@@ -22,6 +22,7 @@ from asperity.texture.files.text_columns import (
     are_counted,
     are_named,
     are_numbered,
+    are_on_the_globe,
     columns_of_heights,
     is_even,
     names_of,
@@ -129,6 +130,9 @@ def _from_columns(
         units = ColumnUnits(header.unit or "", scale, scale, of_heights=True, across=scale)
     known = names or {2: ("x", "z"), 3: ("x", "y", "z")}[len(columns)]
     called = ", ".join(known[at] for at in columns)
+    if len(columns) == 3 and are_on_the_globe(names, columns):
+        refuse(path, f"its places are angles ({called}); valid: x, y, z in a unit of length "
+               "(project them)")  # fmt: skip
     if len(columns) == 2:
         grid = _profile(path, values[:, columns])
     else:

@@ -30,6 +30,7 @@ _HEIGHTS = re.compile(
 )
 _COMPASS = {"east": "x", "easting": "x", "north": "y", "northing": "y"}
 _BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*[^\W\d][^\[\]()]*?)\s*[\])]")
+_GLOBE = re.compile(r"(?i)(?<![a-z])(?:lat(?:itude)?|lon(?:g(?:itude)?)?)(?![a-z])")
 _COUNTED = re.compile(
     r"(?i)[xyij]?[\W_]*(?:px|pixels?|idx|ind(?:ex|ices)|samples?|points?|frames?|steps?|n[ro]?|i|j)"
     r"[\W_]*\d?|time|zeit|temps|t"
@@ -162,6 +163,11 @@ def is_even(line: Array) -> bool:
 def are_numbered(names: Sequence[str] | None, columns: tuple[int, ...]) -> bool:
     """Return whether points have numbers of rows, from the top, and of columns as their places."""
     return bool(names and len(columns) == 3 and _COLUMN.fullmatch(names[columns[0]]))
+
+
+def are_on_the_globe(names: Sequence[str] | None, columns: tuple[int, ...]) -> bool:
+    """Return whether places are latitude and longitude, which are angles."""
+    return bool(names and all(_GLOBE.search(names[at]) for at in columns[:2]))
 
 
 def are_counted(names: Sequence[str] | None, columns: tuple[int, ...]) -> bool:
