@@ -240,3 +240,12 @@ def test_sizes_in_lines_above_a_matrix(tmp_path: Path, head: str) -> None:
 def test_latitude_and_longitude_are_refused(tmp_path: Path, names: str) -> None:
     with pytest.raises(SurfaceError, match=r"angles .*valid: x, y, z in a unit of length"):
         read(tmp_path / "a.csv", names + "\n" + points("{x}e-7,{y}e-7,{z}"), pixel_size=None)
+
+
+def test_tables_of_r_have_names_of_rows_and_none_above_them(tmp_path: Path) -> None:
+    lines = points("{x} {y} {z:.4f}").splitlines()
+    table = "".join(f'"{n}" {line}\n' for n, line in enumerate(lines, 1))
+    same(read(tmp_path / "a.txt", '"x" "y" "z"\n' + table, pixel_size=None))
+    matrix = "".join(f'"{n}" {line}\n' for n, line in enumerate(rows(HEIGHTS, " ").splitlines(), 1))
+    names = " ".join(f'"V{n}"' for n in range(1, 31))
+    same(read(tmp_path / "b.txt", f"{names}\n{matrix}"))
