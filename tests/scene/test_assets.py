@@ -519,3 +519,15 @@ def test_coordinates_that_stretch_a_map_are_noted(tile, tmp_path):
     )
     assert target_of(scene).mapping == "uv"
     assert noted(scene, "lay it over 40 x 40 mm, stretched 500 and 250 times")
+
+
+def test_options_of_a_map_that_are_no_lengths_are_refused_and_um_is_written_in_greek(tmp_path):
+    (tmp_path / "a.csv").write_text("0,1,2,3\n" * 8)
+    for option, words in (("size=20mm", "two lengths"), ("pixel_size=ten", "a length or two")):
+        with pytest.raises(AsperityError, match=rf"a.csv: .*valid: {words}"):
+            asperity.make_scene(
+                tool="sphere:3mm", target="box:9x9x9mm", target_texture=f"{tmp_path}/a.csv:{option}"
+            )
+    given = f"{tmp_path}/a.csv:pixel_size=10µm,unit=µm"
+    scene = asperity.make_scene(tool="sphere:3mm", target="box:9x9x9mm", target_texture=given)
+    assert target_of(scene).texture.relief == pytest.approx(3e-6, rel=0.2)

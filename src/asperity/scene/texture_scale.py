@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from asperity._core.arrays import Array
+from asperity.errors import AsperityError
 from asperity.geometry.mesh.materials import FELT, MapImage
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.asset import range_from_normals
@@ -43,6 +44,7 @@ def give_scale(
     `on_uv` is the mesh whose texture coordinates lay it, if any do; `maps` those that came with it.
     """
     path = Path(texture["file"])
+    _check_lengths(texture)
     own = own_scale(path, texture.get("array"))
     if path.suffix.lower() not in IMAGE_SUFFIXES:
         if own is not None and on_uv is None and texture.get("border", "clamp") == "clamp":
@@ -82,6 +84,20 @@ def give_scale(
     texture["height_range"] = HEIGHT_RANGE if found is None else float(f"{found:.4g}")
     how = "(default)" if found is None else f"so that its slopes are those of {maps['normal'].name}"
     notes.append(f"no height_range for {path.name}: {1e3 * texture['height_range']:.4g} mm {how}")
+
+
+def _check_lengths(texture: Mapping[str, Any]) -> None:
+    """Raise `AsperityError` for a size or a pixel size that is no length, or no pair of them."""
+    for key, counts, valid in (
+        ("size", (2,), "two lengths, as size=20x10mm"),
+        ("pixel_size", (1, 2), "a length or two, as pixel_size=10um"),
+    ):
+        given = texture.get(key, [1.0] * counts[0])
+        values = given if isinstance(given, list | tuple) else [given]
+        good = all(isinstance(v, int | float | np.number) and 0.0 < v < np.inf for v in values)
+        if not good or len(values) not in counts:
+            name = Path(texture["file"]).name
+            raise AsperityError(f"{name}: {key} is {given!r}; valid: {valid}")
 
 
 def _patch(texture: Mapping[str, Any], own: OwnScale, reach: float) -> list[str]:

@@ -83,7 +83,7 @@ def read_mesh(
     """
     path = Path(os.path.expanduser(path))
     if unit is not None:
-        require_choice("unit", unit, UNITS)
+        unit = require_choice("unit", unit, UNITS)
     contents = read_contents(path)
     return mesh_of(path, contents, unit=unit, hard_angle=hard_angle, name=name)
 

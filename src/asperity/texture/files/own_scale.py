@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,6 +37,14 @@ def own_scale(path: Path, array: str | None = None) -> OwnScale | None:
     AsperityError
         An image that cannot be read; one line.
     """
+    stamp = path.stat() if path.is_file() else None
+    return _own_scale(path, array, stamp and (stamp.st_mtime_ns, stamp.st_size))
+
+
+@lru_cache(maxsize=4)
+def _own_scale(path: Path, array: str | None, stamp: object) -> OwnScale | None:
+    """Return what `own_scale` does; a file that has changed has another `stamp`."""
+    del stamp
     if path.suffix.lower() in IMAGE_SUFFIXES:
         with reading(path, "an image", IMAGE_SUFFIXES):
             try:

@@ -143,7 +143,7 @@ def read_heights(
     if colour is not None:
         require_choice("colour", colour, COLOURS)
     if unit is not None:
-        require_choice("unit", unit, SHORT)
+        unit = require_choice("unit", unit, SHORT)
     pixels = None if pixel_size is None else _lengths(path, "pixel_size", pixel_size)
     if height_range is not None:
         _lengths(path, "height_range", height_range)
