@@ -227,11 +227,14 @@ def test_profiles_over_time_need_a_pixel_size_and_those_along_a_line_none(tmp_pa
         "Columns,Rows,Pitch [mm]\n30,20,0.01\nHeight [um]\n",
         "# pixel_size_um: 10\n# z_unit: um\n",
         "# x_step_mm = 0.01\n# y_step_mm = 0.01\n# unit = um\n",
+        "Scan length = 0.3 mm\nScan width = 0.2 mm\nData in um\n",
     ],
 )
 def test_sizes_in_lines_above_a_matrix(tmp_path: Path, head: str) -> None:
     mark = "\t" if "\t" in head else ","
     found = read(tmp_path / "a.txt", head + rows(HEIGHTS, mark), pixel_size=None, unit=None)
+    if any("top of the map" in note for note in found.notes):
+        found = found._replace(samples=np.flipud(found.samples))
     same(found)
     assert found.pixel_size == pytest.approx(PIXEL)
 

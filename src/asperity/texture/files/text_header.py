@@ -7,6 +7,7 @@ or white space.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -138,7 +139,17 @@ def read_header(
     found, lengths, units = _findings(lines)
     notes: list[str] = []
     width, height = found.get("width"), found.get("height")
-    if width is None and height is None and "pixel" not in found and len(lengths) == 2:
+    if (width is None) != (height is None) and "pixel" not in found and len(lengths) == 2:
+        # The width of a scan may be across its length: of both orders the one of square pixels.
+        (a, u), (b, v) = lengths
+        ratio = (u / shape[1]) / (v / shape[0])
+        turned = (v / shape[1]) / (u / shape[0])
+        if abs(math.log(turned)) < abs(math.log(ratio)):
+            (a, u), (b, v), ratio = *lengths[::-1], turned
+        if 1.0 / _UNEQUAL < ratio < _UNEQUAL:
+            width, height = u, v
+            notes.append(f"{a!r} and {b!r} are taken for width and height of the map")
+    elif width is None and height is None and "pixel" not in found and len(lengths) == 2:
         (a, u), (b, v) = lengths
         ratio = (u / shape[1]) / (v / shape[0])
         if u == v and shape[0] != shape[1]:
