@@ -179,7 +179,7 @@ def _seconds(table: _Table, given: float | None, notes: list[str]) -> Array:
     first = table.start + (float(times[0]) if times.size and np.isfinite(times[0]) else 0.0)
     stated = table.layout.time_unit
     if given is None and abs(first) > _EPOCH and (stated in (None, 1.0)):
-        scale, word = next((s, w) for most, s, w in _BY_SIZE if abs(first) < most)
+        scale, word = next((s, w) for most, s, w in _BY_SIZE if abs(first) <= most)
         notes += [f"times in {word}, by their size"] if word else []
     else:
         scale = _unit(given, stated, "times", "time_unit", TIMES, notes)

@@ -248,7 +248,9 @@ def _opened(path: Path) -> Any:
 def _orientation(image: Any) -> int:
     """Return the EXIF orientation of an image, 1 where it has none that can be read."""
     try:
-        return int(image.getexif().get(_ORIENTATION, 1))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return int(image.getexif().get(_ORIENTATION, 1))
     except Exception:  # EXIF that is damaged states nothing
         return 1
 
