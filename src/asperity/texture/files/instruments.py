@@ -18,6 +18,7 @@ from asperity._core.arrays import Mask
 from asperity._core.units import length_of
 from asperity.errors import SurfaceError
 from asperity.texture.files.digital_surf import uncompressed
+from asperity.texture.files.matlab import check_mat
 from asperity.texture.files.points import profile
 from asperity.texture.files.stored import Stored, check_size, refuse
 
@@ -56,6 +57,8 @@ def load_instrument(path: Path) -> Stored:
     notes: tuple[str, ...] = ()
     if suffix == ".x3p":
         source, valid, notes = _standard_x3p(path)
+    elif suffix == ".mat":
+        check_mat(path)
     elif suffix in _DIGITAL_SURF:
         source = uncompressed(path) or source
     elif suffix == ".sdf" and (head := path.read_bytes()[1:4]) == b"BCR":
