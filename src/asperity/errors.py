@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -44,10 +45,15 @@ def require_between(name: str, value: float, low: float, high: float, unit: str 
 
 
 def require_choice(name: str, value: str, choices: Iterable[str]) -> str:
-    """Return `value` if it is one of `choices`, else raise, listing them and the nearest."""
+    """Return `value` if it is one of `choices`, else raise, listing them and the nearest.
+
+    µm is um.
+    """
     known = list(choices)
-    if isinstance(value, str) and value in known:
-        return value
+    if isinstance(value, str):
+        value = re.sub("^[µμ](?=m$)", "u", value)
+        if value in known:
+            return value
     hint = did_you_mean(value, known)
     raise AsperityError(f"unknown {name} {value!r}{hint}; choose from: {', '.join(known)}")
 

@@ -161,6 +161,20 @@ def test_pcd_of_each_form(tmp_path, form):
         read_points(path)
 
 
+@pytest.mark.parametrize("version", ["1.2", "1.4"])
+def test_noise_and_withheld_points_of_las_are_left_out(tmp_path, version):
+    laspy = pytest.importorskip("laspy")
+    cloud = laspy.create(point_format=6 if version == "1.4" else 0, file_version=version)
+    cloud.header.scales = [1e-4, 1e-4, 1e-4]
+    cloud.x, cloud.y, cloud.z = np.random.default_rng(0).random((3, 40))
+    cloud.classification[:3] = 7
+    cloud.withheld[3:5] = 1
+    cloud.write(tmp_path / "a.las")
+    found = read_points(tmp_path / "a.las")
+    np.testing.assert_allclose(found.places, np.asarray(cloud.xyz)[5:])
+    assert any("5 points are left out" in note for note in found.notes)
+
+
 def test_las(tmp_path):
     laspy = pytest.importorskip("laspy")
     cloud = laspy.create(point_format=0, file_version="1.2")

@@ -6,10 +6,13 @@ import json
 
 import numpy as np
 import pytest
+import tifffile
+import trimesh
 from PIL import Image
 
 import asperity
 from asperity.errors import AsperityError
+from asperity.geometry.mesh.map_names import maps_in_folder
 from asperity.scene.scale import scale_rows, scale_table
 from asperity.scene.shorthand import file_table, pattern, primitive
 
@@ -459,3 +462,72 @@ def test_a_mesh_s_file_is_read_once_for_a_scene_and_again_for_the_next(tile, mon
     for count in (1, 2):
         asperity.make_scene(tool="sphere:3mm", target=tile(), target_texture="knurl:1mm")
         assert len(read) == count
+
+
+@pytest.mark.parametrize(("suffix", "up"), [(".glb", "y"), (".obj", "")])
+def test_a_mesh_whose_file_states_what_is_up_stands_upright(tmp_path, suffix, up):
+    trimesh.creation.box((0.04, 0.005, 0.03)).export(tmp_path / f"plate{suffix}")
+    scene = asperity.make_scene(tool="sphere:3mm", target=tmp_path / f"plate{suffix}")
+    size = np.ptp(next(b for b in scene.bodies if b.name == "target").mesh.vertices, axis=0)
+    np.testing.assert_allclose(size, (0.04, 0.03, 0.005) if up else (0.04, 0.005, 0.03), rtol=1e-5)
+    assert any("points upwards" in note for note in scene.notes) == bool(up)
+    kept = file_table(f"{tmp_path}/plate.glb:quaternion=1,0,0,0")
+    assert kept["quaternion"] == [1.0, 0.0, 0.0, 0.0]
+
+
+def test_the_workflow_behind_a_size_is_no_kind_of_map(tmp_path):
+    shown = ["DISP", "NRM", "COL", "ROUGHNESS", "METALNESS", "AO"]
+    for word in shown:
+        (tmp_path / f"Bricks09_{word}_4K_METALNESS.png").write_bytes(b"")
+    maps = maps_in_folder(tmp_path, [])
+    assert {kind: picture.name.split("_")[1] for kind, picture in maps.items()} == {
+        "displacement": "DISP", "normal": "NRM", "colour": "COL", "roughness": "ROUGHNESS",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["csv", "imagej", "given"])
+def test_a_map_with_a_size_of_its_own_keeps_it_on_a_mesh(tmp_path, kind):
+    trimesh.creation.box((0.04, 0.03, 0.005)).export(tmp_path / "plate.stl")
+    values = 1000.0 + 900.0 * np.sin(np.arange(50) / 3) * np.cos(np.arange(40)[:, None] / 4)
+    texture = str(tmp_path / ("a.csv" if kind == "csv" else "a.tif"))
+    if kind == "csv":
+        heights = "\n".join(",".join(f"{x:.1f}" for x in row) for row in values)
+        (tmp_path / "a.csv").write_text(f"pixel size: 20 um\nunit: nm\n{heights}\n")
+    elif kind == "imagej":
+        head = "ImageJ=1.53t\nunit=um\ncf=0\nc0=0\nc1=0.001\nvunit=um\n"
+        tifffile.imwrite(texture, values.astype(np.uint16), description=head, metadata=None,
+                         resolution=(1 / 20, 1 / 20))  # fmt: skip
+    else:
+        tifffile.imwrite(texture, values.astype(np.uint16))
+        texture += ":pixel_size=20um,unit=nm"
+    scene = asperity.make_scene(
+        tool="sphere:3mm", target=f"{tmp_path}/plate.stl:unit=m", target_texture=texture
+    )
+    target = target_of(scene)
+    assert target.mapping == "triplanar"
+    assert target.texture.size == pytest.approx((1e-3, 0.8e-3))
+    assert target.texture.relief == pytest.approx(1.8e-6, rel=0.05)
+    assert noted(scene, "mapping triplanar, which keeps the size of a.")
+    assert noted(scene, "a.csv covers 1 x 0.8 mm of 40 mm, beyond it is level") == (kind == "csv")
+    assert not any(row.source.startswith("ASSUMED") for row in scale_rows(scene))
+
+
+def test_coordinates_that_stretch_a_map_are_noted(tile, tmp_path):
+    (tmp_path / "a.csv").write_text("pixel size: 20 um\nunit: nm\n" + "0,1,2,3\n" * 8)
+    scene = asperity.make_scene(
+        tool="sphere:3mm", target=tile(), target_texture=f"{tmp_path}/a.csv"
+    )
+    assert target_of(scene).mapping == "uv"
+    assert noted(scene, "lay it over 40 x 40 mm, stretched 500 and 250 times")
+
+
+def test_options_of_a_map_that_are_no_lengths_are_refused_and_um_is_written_in_greek(tmp_path):
+    (tmp_path / "a.csv").write_text("0,1,2,3\n" * 8)
+    for option, words in (("size=20mm", "two lengths"), ("pixel_size=ten", "a length or two")):
+        with pytest.raises(AsperityError, match=rf"a.csv: .*valid: {words}"):
+            asperity.make_scene(
+                tool="sphere:3mm", target="box:9x9x9mm", target_texture=f"{tmp_path}/a.csv:{option}"
+            )
+    given = f"{tmp_path}/a.csv:pixel_size=10µm,unit=µm"
+    scene = asperity.make_scene(tool="sphere:3mm", target="box:9x9x9mm", target_texture=given)
+    assert target_of(scene).texture.relief == pytest.approx(3e-6, rel=0.2)

@@ -143,3 +143,36 @@ def test_names_behind_the_sign_of_a_comment_that_separates_too(tmp_path: Path) -
     found = read(tmp_path / "a.txt", text)
     check(found)
     assert not any("no names" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("name", ["tracking_valid", "isTracked", "bPoseIsValid"])
+@pytest.mark.parametrize("words", [("1", "0"), ("True", "False")])
+def test_poses_that_a_column_marks_as_lost_are_left_out(tmp_path: Path, name: str, words) -> None:
+    poses = P.copy()
+    poses[GONE] = P[0] + 0.01  # what a driver writes meanwhile, as the last place that it knew
+    rows = lines(T, poses, Q)
+    flags = [words[row in GONE] for row in range(N)]
+    text = "\n".join(f"{row},{flag}" for row, flag in zip(rows, flags, strict=True))
+    found = read(tmp_path / "a.csv", HEAD.strip() + f",{name}\n" + text)
+    check(found, [row for row in range(N) if row not in GONE])
+    assert f"poses are missing where {name!r} is 0" in " ".join(found.notes)
+    all_there = "\n".join(f"{row},{words[0]}" for row in lines(T, P, Q))
+    check(read(tmp_path / "b.csv", HEAD.strip() + f",{name}\n" + all_there))
+
+
+@pytest.mark.parametrize("first", [132512345678901234, 637512345678901234])
+def test_ticks_of_windows_and_of_net_are_tenths_of_a_microsecond(tmp_path: Path, first) -> None:
+    rows = [f"{first + 100000 * n}," + row for n, row in enumerate(lines(P, Q))]
+    found = read(tmp_path / "a.csv", HEAD.replace("time", "ticks") + "\n".join(rows))
+    check(found)
+    assert "times in 100 ns (ticks), by their size" in found.notes
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_matrices_in_one_list_of_16(tmp_path: Path, turned: bool) -> None:
+    matrices = np.tile(np.eye(4), (N, 1, 1))
+    matrices[:, :3, :3] = Rotation.from_quat(np.roll(Q, -1, axis=1)).as_matrix()
+    matrices[:, :3, 3] = P
+    lists = (matrices.transpose(0, 2, 1) if turned else matrices).reshape(N, 16).tolist()
+    records = [{"timestamp": t, "transform": m} for t, m in zip(T.tolist(), lists, strict=True)]
+    check(read(tmp_path / "a.json", json.dumps(records)))

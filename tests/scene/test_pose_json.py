@@ -176,3 +176,19 @@ def test_what_holds_no_poses_is_refused_in_one_line(tmp_path: Path, text: str, s
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 400 + len(str(path))
+
+
+def test_columns_numbered_by_rows_as_pandas_writes_them(tmp_path):
+    names = ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
+    table = {name: {str(n): 0.01 * n if name in ("time", "x") else float(name == "qw")
+                    for n in range(20)} for name in names}  # fmt: skip
+    (tmp_path / "a.json").write_text(json.dumps(table))
+    found = read_poses(tmp_path / "a.json")
+    np.testing.assert_allclose(found.times, 0.01 * np.arange(20))
+    np.testing.assert_allclose(found.poses[:, 0], 0.01 * np.arange(20))
+
+
+def test_an_order_that_no_name_states_is_doubted_by_the_first_pose(tmp_path):
+    records = [{"t": 0.01 * n, "p": [0, 0, 0.01], "q": [0.0, 0.0, 0.1, 0.995]} for n in range(20)]
+    (tmp_path / "a.json").write_text(json.dumps(records))
+    assert any("is the order x, y, z, w?" in n for n in read_poses(tmp_path / "a.json").notes)

@@ -1,12 +1,15 @@
 """Files of instruments and of float pictures, read by the real packages."""
 
+import contextlib
 import hashlib
 import struct
 import zipfile
 import zlib
 
+import h5py
 import numpy as np
 import pytest
+import scipy.io
 import tifffile
 
 from asperity.errors import SurfaceError
@@ -403,3 +406,40 @@ def test_normals_in_floats_are_integrated(exr):
 def test_normals_in_floats_are_not_taken_for_heights(exr):
     with pytest.raises(SurfaceError, match="normal map"):
         read_heights(exr({"RGB": normals()}), pixel_size=1e-5, height_range=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["mat", "h5"])
+def test_plain_arrays_have_a_row_for_each_v(tmp_path, kind):
+    pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .mat and .h5")
+    v, u = np.mgrid[0:20, 0:30]
+    arrays, path = {"X": 1e-5 * u, "Y": 1e-5 * v, "Z": MAP}, tmp_path / f"a.{kind}"
+    if kind == "mat":
+        scipy.io.savemat(path, arrays)
+    else:
+        with h5py.File(path, "w") as file:
+            file.update(arrays)
+    found = read_heights(path, pixel_size=1e-5, unit="m")
+    np.testing.assert_allclose(found.samples, MAP, atol=1e-15)
+    assert any("'Z'" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_damaged_mat_file_is_refused_before_scipy_reads_it(tmp_path, packed):
+    pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .mat")
+    path = tmp_path / "a.mat"
+    others = {"c": np.array([1 + 2j, 3]), "s": "text", "e": {"a": np.eye(3)}}
+    scipy.io.savemat(path, {"Z": MAP, **others}, do_compression=packed)
+    content = path.read_bytes()
+    read_heights(path, pixel_size=1e-5, unit="m")
+    rng = np.random.default_rng(0)
+    for _ in range(150):
+        damaged = bytearray(content)
+        for place in rng.integers(0, 400, size=rng.integers(1, 6)):
+            damaged[place] = rng.integers(0, 256)
+        path.write_bytes(damaged)
+        with contextlib.suppress(SurfaceError):
+            read_heights(path, pixel_size=1e-5, unit="m")
+    start = content.index(b"IM") + 2
+    path.write_bytes(content[:start] + b"\xf3" + content[start + 1 :])
+    with pytest.raises(SurfaceError, match=r"a\.mat: .*damaged, or cut short"):
+        read_heights(path, pixel_size=1e-5, unit="m")

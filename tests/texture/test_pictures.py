@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
-from PIL import Image
+from PIL import Image, PngImagePlugin, TiffImagePlugin
 
 from asperity.errors import SurfaceError
 from asperity.texture.files import levels
@@ -15,6 +15,7 @@ from asperity.texture.files.colours import COLOURS, suspected
 from asperity.texture.files.images import read_pixels
 from asperity.texture.files.normal_maps import read_normal_map
 from asperity.texture.files.reading import read_heights
+from asperity.texture.friction_map import FrictionMap
 from asperity.texture.height_field import HeightField
 
 PIXEL, RELIEF = 1e-5, 4e-5
@@ -480,3 +481,70 @@ def test_a_grey_that_a_png_calls_clear_is_suspected(tmp_path: Path, dtype: type)
     Image.fromarray(grey).save(tmp_path / "a.png", transparency=0)
     found = read_heights(tmp_path / "a.png", **SCALED)
     assert "are its 4 clear pixels missing? nodata=0" in found.notes
+
+
+# --- values that the file's head states ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("white", [100, 4095, 65535])
+@pytest.mark.parametrize("kind", ["P5", "P2"])
+def test_the_values_of_a_pgm_are_those_in_the_file(tmp_path, white, kind) -> None:
+    values = np.round(0.9 * white * SHARE).astype(">u2" if white > 255 else "u1")
+    body = values.tobytes() if kind == "P5" else " ".join(map(str, values.ravel())).encode()
+    path = tmp_path / "a.pgm"
+    path.write_bytes(f"{kind}\n# a camera\n60 44\n{white}\n".encode() + body)
+    found = read_heights(path, pixel_size=PIXEL, unit="um", quantised="keep")
+    like(found, relief=1e-6 * values.max())
+    if white == 100:
+        friction = FrictionMap.from_file(path, pixel_size=PIXEL, low=0.0, high=1.0)
+        assert friction.highest == pytest.approx(0.9)
+
+
+def test_the_calibration_of_imagej_is_read(tmp_path) -> None:
+    head = "ImageJ=1.53t\nunit=um\nyunit=mm\ncf=0\nc0=-5.0\nc1=0.001\nvunit=\\u00B5m\n"
+    path, values = tmp_path / "a.tif", np.round(40000 * SHARE).astype(np.uint16)
+    tifffile.imwrite(path, values, description=head, metadata=None, resolution=(1 / 10, 1 / 0.01))
+    for options in ({}, {"unit": "um"}):
+        found = read_heights(path, **options)
+        like(found)
+        assert found.samples.min() == pytest.approx(-5e-6, rel=1e-6)
+        assert found.pixel_size == pytest.approx(PIXEL)
+
+
+def test_gwyddion_s_pictures_have_their_scale(tmp_path) -> None:
+    said = {"XReal": 60 * PIXEL, "YReal": 44 * PIXEL, "ZMin": 1e-6, "ZMax": 41e-6}
+    values, text = np.round(65535 * SHARE).astype(np.uint16), PngImagePlugin.PngInfo()
+    for key, value in {**said, "XYUnit": "m", "ZUnit": "m"}.items():
+        text.add_text(f"Gwy::{key}", str(value))
+    Image.fromarray(values).save(tmp_path / "a.png", pnginfo=text)
+    head = "".join(f"# Gwy::{key} {value:g}\n" for key, value in said.items())
+    pgm = f"P5\n{head}# Gwy::Title Height\n60\n44\n65535\n".encode()
+    (tmp_path / "a.pgm").write_bytes(pgm + values.astype(">u2").tobytes())
+    for name in ("a.png", "a.pgm"):
+        found = read_heights(tmp_path / name)
+        like(found, off=1e-4)
+        assert found.pixel_size == pytest.approx(PIXEL)
+
+
+def test_a_geotiff_whose_rows_go_northwards(tmp_path) -> None:
+    keys = (1, 1, 0, 2, 1024, 0, 1, 1, 3076, 0, 1, 9001)
+    placed = (PIXEL, 0, 0, 0, 0, PIXEL, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1)
+    tags = [(34264, "d", 16, placed), (34735, "H", len(keys), keys)]
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, np.flipud(RELIEF * SHARE).astype(np.float32), extratags=tags)
+    found = read_heights(path, unit="m")
+    like(found)
+    assert any("northwards" in note for note in found.notes)
+
+
+def test_what_a_tiff_states_is_read_whatever_its_compression(tmp_path) -> None:
+    head = TiffImagePlugin.ImageFileDirectory_v2()
+    items = {"SCALE": "0.001", "OFFSET": "5", "UNITTYPE": "um"}
+    head[42112] = "".join(f'<Item name="{k}" sample="0">{v}</Item>' for k, v in items.items())
+    head.tagtype[42112] = 2
+    image, path = Image.fromarray(np.round(40000 * SHARE).astype(np.uint16)), tmp_path / "a.tif"
+    for compression in (None, "tiff_lzw", "tiff_adobe_deflate"):
+        image.save(path, compression=compression, tiffinfo=head)
+        found = read_heights(path, pixel_size=PIXEL)
+        like(found)
+        assert found.samples.min() == pytest.approx(5e-6)

@@ -626,3 +626,24 @@ def test_every_real_file_is_read_or_refused_in_one_line(data: Path) -> None:
     # A coin in an instrument's format is read only where its reader is installed.
     assert refused.keys() - {"tmd-1.tmd"} == {"LICENSE", "fabric_pattern_07_nor_gl_1k.jpg"}
     assert all(name in line and "valid" in line for name, line in refused.items())
+
+
+def test_arrays_of_points_and_sizes_without_a_unit_are_doubted(tmp_path):
+    points = np.random.default_rng(0).random((200, 4))
+    np.save(tmp_path / "a.npy", points)
+    notes = read_heights(tmp_path / "a.npy", pixel_size=1e-3, unit="mm").notes
+    assert any("are they points" in note for note in notes)
+    np.savez(tmp_path / "a.npz", heights=points[:20], unit="mm", pixel_size=0.2)
+    notes = read_heights(tmp_path / "a.npz").notes
+    assert any("is pixel_size in mm too?" in note for note in notes)
+
+
+def test_places_of_a_mesh_grid_and_steps_by_their_names_in_npz(tmp_path):
+    heights = np.random.default_rng(0).random((20, 30))
+    v, u = np.mgrid[0:20, 0:30]
+    np.savez(tmp_path / "a.npz", X_um=5.0 * u, Y_um=4.0 * v, Z_um=heights)
+    np.savez(tmp_path / "b.npz", z_um=heights, pixel_size_x_um=5.0, pixel_size_y_um=4.0)
+    for name in ("a.npz", "b.npz"):
+        found = read_heights(tmp_path / name)
+        np.testing.assert_allclose(found.samples, 1e-6 * heights)
+        assert found.pixel_size == pytest.approx((5e-6, 4e-6))

@@ -170,3 +170,85 @@ def test_a_head_that_a_spreadsheet_has_filled_with_empty_cells(tmp_path: Path) -
     found = read(tmp_path / "a.csv", padded + rows(HEIGHTS[::-1]), unit=None, pixel_size=None)
     same(found)
     assert found.pixel_size == pytest.approx(PIXEL)
+
+
+def points(form: str) -> str:
+    return "".join(
+        form.format(x=10 * U[at], y=10 * V[at], z=HEIGHTS[at], i=U[at], j=V[at]) + "\n"
+        for at in np.ndindex(HEIGHTS.shape)
+    )
+
+
+@pytest.mark.parametrize(
+    ("head", "form"),
+    [
+        ("# units: micrometers\n# x y z\n", "{x} {y} {z:.4f}"),
+        ("XYZ data in um\n", "{x} {y} {z:.4f}"),
+        ("Unit: um\nX,Y,Z\n", "{x},{y},{z:.4f}"),
+        ("X [mm],Y [um],Z [um]\n", "{x}e-3,{y},{z:.4f}"),
+        ("Northing [um],Easting [um],Elevation [um]\n", "{y},{x},{z:.4f}"),
+        ("X Nom [um],Y Nom [um],Z Nom [um],X Act [um],Y Act [um],Z Act [um],Dev\n",
+         "{x},{y},0,{x},{y},{z:.4f},{z}"),
+        ("Pitch: 10 um\nUnit: um\nX,Y,Z\n", "{i},{j},{z:.4f}"),
+    ],
+)  # fmt: skip
+def test_units_and_columns_of_points_as_the_lines_above_state(
+    tmp_path: Path, head: str, form: str
+) -> None:
+    found = read(tmp_path / "a.csv", head + points(form), pixel_size=None, unit=None)
+    same(found)
+    assert found.pixel_size == pytest.approx(PIXEL)
+    assert not any("no unit" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("names", ["x_idx,y_idx,z_um", "X (pixel),Y (pixel),Z (um)", "i,j,z_um"])
+def test_numbers_of_samples_are_no_places(tmp_path: Path, names: str) -> None:
+    text = names + "\n" + points("{i},{j},{z:.4f}")
+    with pytest.raises(SurfaceError, match="pixel_size"):
+        read(tmp_path / "a.csv", text, pixel_size=None, unit=None)
+    same(read(tmp_path / "a.csv", text, unit=None))
+
+
+def test_profiles_over_time_need_a_pixel_size_and_those_along_a_line_none(tmp_path: Path) -> None:
+    line = HEIGHTS[0]
+    timed = "".join(f"{0.01 * n:.2f},{z:.4f}\n" for n, z in enumerate(line))
+    with pytest.raises(SurfaceError, match="pixel_size"):
+        read(tmp_path / "a.csv", "Time [s],Height [um]\n" + timed, pixel_size=None, unit=None)
+    flat = "".join(f"{1e-2 * n:.2f},0,{1e-3 * z:.7f}\n" for n, z in enumerate(line))
+    found = read(tmp_path / "b.csv", "X (mm),Y (mm),Z (mm)\n" + flat, pixel_size=None, unit=None)
+    np.testing.assert_allclose(found.samples, 1e-6 * line, atol=1e-10)
+    assert found.pixel_size == pytest.approx(PIXEL)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "numCols\tnumRows\tpixelSize (um)\n30\t20\t10.0\nZ-data (um)\n",
+        "Columns,Rows,Pitch [mm]\n30,20,0.01\nHeight [um]\n",
+        "# pixel_size_um: 10\n# z_unit: um\n",
+        "# x_step_mm = 0.01\n# y_step_mm = 0.01\n# unit = um\n",
+        "Scan length = 0.3 mm\nScan width = 0.2 mm\nData in um\n",
+    ],
+)
+def test_sizes_in_lines_above_a_matrix(tmp_path: Path, head: str) -> None:
+    mark = "\t" if "\t" in head else ","
+    found = read(tmp_path / "a.txt", head + rows(HEIGHTS, mark), pixel_size=None, unit=None)
+    if any("top of the map" in note for note in found.notes):
+        found = found._replace(samples=np.flipud(found.samples))
+    same(found)
+    assert found.pixel_size == pytest.approx(PIXEL)
+
+
+@pytest.mark.parametrize("names", ["lat,lon,height_um", "Longitude [deg],Latitude [deg],z"])
+def test_latitude_and_longitude_are_refused(tmp_path: Path, names: str) -> None:
+    with pytest.raises(SurfaceError, match=r"angles .*valid: x, y, z in a unit of length"):
+        read(tmp_path / "a.csv", names + "\n" + points("{x}e-7,{y}e-7,{z}"), pixel_size=None)
+
+
+def test_tables_of_r_have_names_of_rows_and_none_above_them(tmp_path: Path) -> None:
+    lines = points("{x} {y} {z:.4f}").splitlines()
+    table = "".join(f'"{n}" {line}\n' for n, line in enumerate(lines, 1))
+    same(read(tmp_path / "a.txt", '"x" "y" "z"\n' + table, pixel_size=None))
+    matrix = "".join(f'"{n}" {line}\n' for n, line in enumerate(rows(HEIGHTS, " ").splitlines(), 1))
+    names = " ".join(f'"V{n}"' for n in range(1, 31))
+    same(read(tmp_path / "b.txt", f"{names}\n{matrix}"))

@@ -178,8 +178,20 @@ def _cells(line: str) -> int:
     return 1
 
 
+def is_heading(line: str) -> bool:
+    """Return whether a line has words, and no number among them."""
+    words = [word for word in WORD.findall(line.replace('"', " ")) if word.lower() not in MISSING]
+    return bool(words) and not any(_NUMBER.fullmatch(word) for word in words)
+
+
 def is_count(line: str, rest: str) -> bool:
-    """Return whether whole numbers are sizes above a table: its rows have more or fewer cells."""
+    """Return whether numbers are sizes above a table: its rows have more or fewer cells.
+
+    Whole numbers; or any above a line of words, below which the rows are.
+    """
+    lines = [row for row in rest.split("\n", 8) if row.strip()][:2]
+    if len(lines) == 2 and is_heading(lines[0]) and is_row(lines[1], False):
+        return 1 < _cells(line) != _cells(lines[1])
     if not all(found.group().isdigit() for found in WORD.finditer(line)):
         return False
     below = [row for row in rest.split("\n") if row.strip()][:-1][:LOOKED_AT]

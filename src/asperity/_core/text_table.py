@@ -42,6 +42,7 @@ from asperity.errors import AsperityError
 
 _MARKS = "#%;!\"'/*"
 _NAMES = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
+_QUOTED = re.compile(r'"([^"]*)"')
 _LETTER = re.compile(r"[^\W\d]")
 _BLANK = re.compile(r"\n[ \t\r]*\n")
 
@@ -84,6 +85,9 @@ class TextTable:
         for line, whole in reversed([*zip(self.header, self.whole or self.header, strict=True)]):
             if re.match(r"\s*(?!unnamed)[\w -]+:\s", line, re.IGNORECASE):  # pandas has Unnamed: 0
                 continue
+            quoted = _QUOTED.findall(whole) if whole.startswith('"') else []
+            if len(quoted) == self.columns - 1 and self.body.startswith('"'):
+                return ("", *quoted)  # R writes no name above those of the rows
             # Spaces alone separate names where each may have a unit: other lines are titles.
             spaced = (None,) if "[" in line or "(" in line else ()
             for separator in (self.separator, "\t", ";", ",", *spaced):

@@ -147,7 +147,9 @@ def bake(
     """
     source = Path(os.path.expanduser(source))
     began = time.perf_counter()
-    _check(faces, size, unit)
+    _check(faces, size)
+    if unit is not None:
+        unit = require_choice("unit", unit, UNITS)
     file_kind = kind_of(source)
     given = {"pixel_size": pixel_size, "height_range": height_range, "kind": kind,
              "colour": colour, "nodata": nodata}  # fmt: skip
@@ -213,13 +215,11 @@ class _Stages:
             self._report(self._stage, 1.0 if self._stage == "done" else min(whole, 1.0))
 
 
-def _check(faces: int, size: int, unit: str | None) -> None:
+def _check(faces: int, size: int) -> None:
     if not isinstance(faces, int) or faces < FEWEST:
         raise AsperityError(f"faces must be a whole number from {FEWEST}, got {faces!r}")
     if not isinstance(size, int) or not SMALLEST <= size <= LARGEST:
         raise AsperityError(f"size must lie between {SMALLEST} and {LARGEST} texels, got {size!r}")
-    if unit is not None:
-        require_choice("unit", unit, UNITS)
 
 
 def _mesh(

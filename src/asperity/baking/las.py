@@ -14,8 +14,14 @@ _MOST_PACKED = 200
 """By how much LAZ may pack points."""
 
 
-def read_las(path: Path) -> Array:
-    """Return the points (n, 3) of a LAS or LAZ file.
+_NOISE = (7, 18)
+"""Classes of noise, low and high (LAS 1.4-R15, table 17)."""
+
+
+def read_las(path: Path) -> tuple[Array, None, tuple[str, ...]]:
+    """Return the points (n, 3) of a LAS or LAZ file, no unit, and notes.
+
+    Points that it marks as withheld or as noise are left out.
 
     Raises
     ------
@@ -49,7 +55,14 @@ def read_las(path: Path) -> Array:
         raise AsperityError(
             f"{path}: it is cut short: its head counts {count} points, there are {len(cloud.xyz)}"
         )
-    return np.asarray(cloud.xyz, dtype=np.float64)
+    places = np.asarray(cloud.xyz, dtype=np.float64)
+    withheld = np.asarray(cloud.withheld, dtype=bool)
+    left_out = withheld | np.isin(np.asarray(cloud.classification), _NOISE)
+    if not left_out.any() or left_out.all():
+        return places, None, ()
+    count = np.count_nonzero(left_out)
+    note = f"{count} points are left out: the file marks them as noise or withheld"
+    return places[~left_out], None, (note,)
 
 
 def _check_las_head(path: Path) -> None:

@@ -114,7 +114,7 @@ def read_points(path: Path) -> Points:
         elif suffix == ".pcd":
             found = Points(read_pcd(path))
         elif suffix in (".las", ".laz"):
-            found = Points(read_las(path))
+            found = Points(*read_las(path))
         elif suffix == ".ptx":
             places, notes = read_ptx(path)
             found = Points(places, None, notes)

@@ -69,7 +69,7 @@ def mesh_to_bake(
         Axis of the file that points upwards; None: as the file states, y for glTF, else z.
     """
     if unit is not None:
-        require_choice("unit", unit, UNITS)
+        unit = require_choice("unit", unit, UNITS)
     if up is not None:
         require_choice("up", up, ("x", "y", "z"))
     notes: tuple[str, ...] = ()

@@ -5,7 +5,11 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from datetime import UTC, datetime
+from decimal import Decimal, InvalidOperation
 
+import numpy as np
+
+from asperity._core.arrays import Array
 from asperity._core.text_table import TextTable
 
 
@@ -50,3 +54,13 @@ def in_seconds(text: TextTable) -> tuple[TextTable, str]:
     except ValueError:  # a date that no calendar has
         return text, ""
     return replace(text, body=body), "times of day are turned into seconds"
+
+
+def exact_times(text: TextTable, column: int, values: Array) -> tuple[float, Array]:
+    """Return the first of long times, and all of them less it, without a loss of digits."""
+    cells = (line.split(text.separator)[column] for line in text.body.split("\n") if line.strip())
+    try:
+        numbers = [Decimal(cell.strip().replace(",", ".")) for cell in cells]
+    except (InvalidOperation, IndexError):
+        return float(values[0]), values - values[0]
+    return float(numbers[0]), np.array([float(n - numbers[0]) for n in numbers])

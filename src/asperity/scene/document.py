@@ -89,7 +89,7 @@ def _require_body(name: Any, key: str, names: list[str]) -> None:
     if name not in names:
         known = shortened(names, 150) or "none"
         raise AsperityError(
-            f"{key} names {name!r}, a body that scene.xml does not have"
+            f"{key} names {name!r}, no body with a geom that can be touched (of URDF: <collision>)"
             f"{did_you_mean(name, names)}; those that can be touched: {known}"
         )
 

@@ -15,31 +15,27 @@ from typing import Any
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.files import reading
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Geom
 from asperity.geometry.facets.tessellate import geom_triangles
 from asperity.geometry.mesh.checks import length
 from asperity.geometry.mesh.map_names import maps_in_folder
-from asperity.geometry.mesh.materials import FELT, MapImage
+from asperity.geometry.mesh.materials import MapImage
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.asset import (
     own_textures,
     part_of,
-    range_from_normals,
     seen_colour,
     texture_of,
 )
 from asperity.scene.document import at, require_table
-from asperity.scene.mesh import body_mesh, body_pieces, files_read_once, uv_size
+from asperity.scene.mesh import body_mesh, body_pieces, files_read_once
 from asperity.scene.mjcf import compiled, mesh_assets, mesh_geoms, model_around
 from asperity.scene.placement import fall, slide_over
 from asperity.scene.scene import Scene, scene_of
 from asperity.scene.shorthand import PRIMITIVES, file_table, pattern, primitive
-from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
+from asperity.scene.texture_scale import give_scale, has_size
 
-HEIGHT_RANGE = 2e-4
-"""Of an image whose relief is not given [m]."""
 DENSITY = 1000.0
 """Of the tool [kg/m^3]."""
 _CLEARANCE = 1e-4
@@ -48,6 +44,8 @@ _FAR = 10.0
 """Distance from the origin beyond which a mesh is moved there, in its sizes."""
 _LEAST = 4
 """Vertices that MuJoCo draws a mesh of."""
+_TURNS = {"y": (0.5**0.5, 0.5**0.5, 0.0, 0.0), "x": (0.5**0.5, 0.0, -(0.5**0.5), 0.0)}
+"""Quaternions that turn an axis to z, about x and about y."""
 _COLOURS = {"tool": "0.42 0.55 0.72 1", "target": "0.8 0.74 0.63 1"}
 
 _SOLID = f"a file of a mesh, or a solid such as sphere:3mm ({', '.join(PRIMITIVES)})"
@@ -175,6 +173,7 @@ def _part(which: str, source: File, texture: File | None, unit: str | None) -> _
             f"{which}: {mesh.name} has {len(mesh.vertices)} vertices; valid: {_LEAST} or more"
         )
     notes: list[str] = []
+    mesh = _upright(table, which, mesh, notes)
     mesh = _near_origin(table, which, mesh, notes)
     body: dict[str, Any] = {"mesh": table}
     laid, maps = _texture(which, texture, notes)
@@ -183,14 +182,14 @@ def _part(which: str, source: File, texture: File | None, unit: str | None) -> _
         laid, maps = own.pop("", (None, {}))
         for name, (of_material, its_maps) in own.items():
             part = part_of(mesh, name)
-            _scale(of_material, part.vertices[part.faces].reshape(-1, 3), part, its_maps, notes)
+            give_scale(of_material, part.vertices[part.faces].reshape(-1, 3), part, its_maps, notes)
             body.setdefault("materials", {})[name] = of_material
     if laid is not None:
         key = f"{which}_texture"
         mesh = _with_mapping(laid, table, mesh, key, notes)
         if "file" in laid:
             on_uv = mesh if laid["mapping"] == "uv" and mesh.uv is not None else None
-            _scale(laid, mesh.vertices, on_uv, maps, notes)
+            give_scale(laid, mesh.vertices, on_uv, maps, notes)
         body["texture"] = laid
     pieces = body_pieces(table, which, mesh)
     colours = [seen_colour(mesh, maps, notes) or _COLOURS[which]] * len(pieces)
@@ -213,7 +212,7 @@ def _solid(which: str, geom: Geom, note: str, texture: File | None) -> _Part:
                 f"{which}_texture: a {geom.kind} has no mapping uv; valid: triplanar"
             )
         if "file" in laid:
-            _scale(laid, vertices, None, maps, notes)
+            give_scale(laid, vertices, None, maps, notes)
         body["texture"] = laid
     size = " ".join(f"{x:.9g}" for x in geom.size[: len(geom.size) - geom.size.count(0.0)])
     element = (
@@ -242,6 +241,18 @@ def _texture(
         notes += [note] if note else []
         return table, {}
     return _table(f"{which}_texture", texture), {}
+
+
+def _upright(table: dict[str, Any], which: str, mesh: Mesh, notes: list[str]) -> Mesh:
+    """Return a mesh turned such that the axis that its file states as upwards is along z."""
+    if mesh.up not in _TURNS or "quaternion" in table:
+        return mesh
+    table["quaternion"] = list(_TURNS[mesh.up])
+    notes.append(
+        f"its {mesh.up} axis points upwards, as the file states: turned to z; "
+        "quaternion=1,0,0,0 keeps it"
+    )
+    return body_mesh(table, which, None) or mesh
 
 
 def _near_origin(table: dict[str, Any], which: str, mesh: Mesh, notes: list[str]) -> Mesh:
@@ -279,7 +290,13 @@ def _with_mapping(
 ) -> Mesh:
     """Set how a texture is laid where that is not said; return the mesh, maybe with an atlas."""
     wanted = texture.get("mapping", "uv" if "file" in texture else "triplanar")
-    if wanted == "uv" and mesh.uv is None:
+    if wanted == "uv" and mesh.uv is None and "mapping" not in texture and has_size(texture):
+        wanted = "triplanar"
+        notes.append(
+            "the mesh has no texture coordinates: mapping triplanar, which keeps the size of "
+            f"{Path(texture['file']).name}"
+        )
+    elif wanted == "uv" and mesh.uv is None:
         if importlib.util.find_spec("xatlas") is not None:
             table["atlas"] = True
             mesh = body_mesh(table, key.removesuffix("_texture"), None) or mesh
@@ -292,50 +309,6 @@ def _with_mapping(
             )
     texture["mapping"] = wanted
     return mesh
-
-
-def _scale(
-    texture: dict[str, Any], vertices: Array, on_uv: Mesh | None, maps: Mapping[str, MapImage],
-    notes: list[str],
-) -> None:  # fmt: skip
-    """Give a file of heights the size and relief that it does not have itself.
-
-    `on_uv` is the mesh whose texture coordinates lay it, if any do; `maps` those that came with it.
-    """
-    path = Path(texture["file"])
-    if path.suffix.lower() not in IMAGE_SUFFIXES:
-        return
-    if "border" not in texture:
-        beyond = on_uv is None or on_uv.uv.min() < -1e-6 or on_uv.uv.max() > 1.0 + 1e-6  # type: ignore[union-attr]
-        stated = next((maps[kind].border for kind in FELT if kind in maps), "wrap")
-        texture["border"] = "wrap" if beyond and stated != "clamp" else "clamp"
-        if beyond and stated == "other":
-            notes.append(f"{path.name} is mirrored beyond its edges, or clamped along one axis, as "
-                         "its file states: here it repeats")  # fmt: skip
-    normals = str(texture.get("kind", "height")).startswith("normal")
-    rows, columns = _image_shape(path)
-    if "pixel_size" not in texture and "size" not in texture:
-        if on_uv is not None:
-            size = uv_size(on_uv)
-            why = "as its texture coordinates reach on average"
-        else:
-            pixel = float(np.ptp(vertices, axis=0).max()) / max(rows, columns)
-            size = (pixel * columns, pixel * rows)
-            why = "once over the body's largest side"
-        texture["pixel_size"] = [size[0] / columns, size[1] / rows]
-        notes.append(
-            f"no size for {path.name}: {1e3 * size[0]:.4g} x {1e3 * size[1]:.4g} mm, "
-            f"{why} (default)"
-        )
-    if "height_range" in texture or normals:
-        return
-    pixels = texture.get("pixel_size", [texture["size"][0] / columns, texture["size"][1] / rows]
-                         if "size" in texture else None)  # fmt: skip
-    pair = tuple(pixels) if isinstance(pixels, list | tuple) else (pixels, pixels)
-    found = range_from_normals(maps, texture, pair, notes)
-    texture["height_range"] = HEIGHT_RANGE if found is None else float(f"{found:.4g}")
-    how = "(default)" if found is None else f"so that its slopes are those of {maps['normal'].name}"
-    notes.append(f"no height_range for {path.name}: {1e3 * texture['height_range']:.4g} mm {how}")
 
 
 def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
@@ -352,10 +325,3 @@ def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
         assets="\n".join(part.assets for part in parts.values()),
         bodies=_BODIES.format(place=" ".join(f"{value:.9g}" for value in place), **geoms),
     )
-
-
-def _image_shape(path: Path) -> tuple[int, int]:
-    """Return rows and columns of an image."""
-    with reading(path, "an image", IMAGE_SUFFIXES):
-        rows, columns = read_pixels(path)[0].shape[:2]
-    return int(rows), int(columns)

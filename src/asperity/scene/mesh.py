@@ -31,6 +31,7 @@ from asperity.geometry.shapes.block import block
 from asperity.geometry.shapes.shape import Shape, cad_part, file_tool, hammer
 from asperity.scene.document import Table, arguments, at, find_file, make_by_kind, parse_options
 from asperity.scene.mjcf import mesh_assets, mesh_geoms, model_mesh
+from asperity.texture.height_field import HeightField
 
 MESHES: dict[str, Callable[..., Shape]] = {
     maker.__name__: maker for maker in (hammer, block, file_tool, cad_part)
@@ -47,6 +48,8 @@ _ALIKE = 0.25
 """By how much, in diagonals of the mesh, it and its pieces may be apart."""
 _LARGER = 3.0
 """How many times as large as a mesh the boxes round its pieces may be."""
+_STRETCHED = 1.5
+"""Times its own length over which coordinates may lay a map without a note."""
 
 
 def geoms_mesh(
@@ -282,6 +285,23 @@ def uv_size(mesh: Mesh) -> tuple[float, float]:
     if not (mean > 0.0).all():
         raise AsperityError(f"mesh {mesh.name!r} has texture coordinates that cover no area")
     return 1.0 / float(mean[0]), 1.0 / float(mean[1])
+
+
+def stretch_note(mesh: Mesh | None, texture: HeightField | None, mapping: str) -> tuple[str, ...]:
+    """Return a note if texture coordinates lay a map over another length than it has."""
+    if mesh is None or texture is None or mapping != "uv" or len(mesh.materials) > 1:
+        return ()  # maps of several materials are laid by their own
+    if not has_area(mesh):
+        return ()
+    laid, own = uv_size(mesh), texture.size
+    times = [a / b for a, b in zip(laid, own, strict=True)]
+    if all(1.0 / _STRETCHED < ratio < _STRETCHED for ratio in times):
+        return ()
+    sizes = [" x ".join(f"{1e3 * side:.4g}" for side in pair) for pair in (own, laid)]
+    return (
+        f"its map is {sizes[0]} mm, but its texture coordinates lay it over {sizes[1]} mm, "
+        f"stretched {times[0]:.3g} and {times[1]:.3g} times; mapping 'triplanar' keeps its size",
+    )
 
 
 def has_area(mesh: Mesh) -> bool:

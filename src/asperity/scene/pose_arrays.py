@@ -102,5 +102,7 @@ def names_of(name: str, shape: tuple[int, ...], notes: list[str]) -> Iterator[st
         if shape == (7,):
             yield from (f"{axis}{behind}" for axis in "xyz")
         yield from (f"q{axis}" for axis in order)
+    elif shape == (16,):  # by rows or by columns: its 0 0 0 1 shows that
+        yield from (f"{bare}[{k}]" for k in range(16))
     elif shape in ((3, 3), (3, 4), (4, 4)):
         yield from (f"t{i}{j}" for i in range(shape[0]) for j in range(shape[1]))

@@ -35,7 +35,7 @@ def _set(words: str) -> frozenset[str]:
 
 _TIMES = _set(
     "time timestamp stamp stamps timestamps times t ts sec secs seconds zeit temps tiempo tempo "
-    "elapsed nanosec nsecs epoch datetime zeitstempel horodatage"
+    "elapsed ticks nanosec nsecs epoch datetime zeitstempel horodatage"
 )
 _FRACTIONS = ("nsec", "nsecs", "nanosec", "nanosecs")
 """Names of the nanoseconds beside whole seconds."""
@@ -86,7 +86,7 @@ class Layout(NamedTuple):
     """Axes of the angles, if lines above the names state them; upper case: moving axes."""
 
 
-def _words(name: str) -> list[str]:
+def words_of(name: str) -> list[str]:
     """Return the words of a column's name, in lower case, units left out."""
     bare = re.sub(r"[\[(].*?[\])]", " ", name).strip(" \"'#%")
     bare = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", bare)
@@ -111,7 +111,7 @@ def _words(name: str) -> list[str]:
 
 def meaning_of(name: str) -> str | None:
     """Return what a column holds: one of `COLUMNS`, "axis?" for x to w alone, or None."""
-    words = _words(name)
+    words = words_of(name)
     if not words or _OTHER & {*words[:-1]}:
         return None
     last, before = words[-1], {*words[:-1]}
@@ -157,7 +157,7 @@ def layout_of(path: object, names: Sequence[str]) -> Layout:
     turned = all(f"q{axis}" in found for axis in "xyz")
     if all(bare[axis] for axis in "xyz") and (turned or "x" not in found):
         # Beside x alone, tx is a torque: it is left out. Beside base_x, tip_x is a place too.
-        single = all(len(_words(names[at])) == 1 for axis in "xyz" for at in bare[axis])
+        single = all(len(words_of(names[at])) == 1 for axis in "xyz" for at in bare[axis])
         found |= {axis: bare.pop(axis) + ([] if single else found.get(axis, [])) for axis in "xyz"}
     elif not bare["w"] and all(axis in found or bare[axis] for axis in "xyz"):
         # A body's name may stand before the first of its columns alone: "tool X", "Y", "Z".
@@ -167,7 +167,7 @@ def layout_of(path: object, names: Sequence[str]) -> Layout:
             found[f"q{axis}"] = alone
     turn = None
     if not all(name in found for name in _QUATERNION):
-        turn = turn_of(path, names, [_words(name) for name in names])
+        turn = turn_of(path, names, [words_of(name) for name in names])
     return _checked(path, names, found, turn)
 
 
@@ -219,8 +219,8 @@ def _times(names: Sequence[str], found: dict[str, list[int]]) -> tuple[int, int 
     parts = found.get("nanoseconds", [None])
     if parts[0] is None or len(times) == 1:
         return times[0], parts[0]
-    owner = _words(names[parts[0]])[:-1]
-    same = [at for at in times if _words(names[at])[:-1] == owner]
+    owner = words_of(names[parts[0]])[:-1]
+    same = [at for at in times if words_of(names[at])[:-1] == owner]
     return (same[0], parts[0]) if same else (times[0], None)
 
 

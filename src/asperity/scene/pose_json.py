@@ -45,7 +45,7 @@ def json_table(path: Path) -> tuple[TextTable, tuple[str, ...]]:
         notes: list[str] = []
         above: tuple[str, ...] = ()
         if isinstance(found, dict):
-            leaves = dict(_leaves(found))
+            leaves = dict(_leaves(_numbered_as_lists(found)))
             records, beside = _records_within(path, leaves)
             above = tuple(f"{n}: {_cell(value)}" for n, value in beside.items() if _is_cell(value))
             others = [name for name, value in beside.items() if not _is_cell(value)]
@@ -69,6 +69,16 @@ def json_table(path: Path) -> tuple[TextTable, tuple[str, ...]]:
     head = (*above, "\t".join(names)) if names is not None else above
     body = "\n".join("\t".join(row) for row in rows)
     return TextTable(path, head, body, 1, "\t", ".", width, row="record"), tuple(notes)
+
+
+def _numbered_as_lists(found: dict[str, Any]) -> dict[str, Any]:
+    """Return columns whose values are numbered by rows, `{"x": {"0": 0.1}}` of pandas, as lists."""
+    if not all(isinstance(value, dict) and value for value in found.values()):
+        return found
+    rows = {tuple(value) for value in found.values()}
+    if len(rows) != 1 or not all(key.isdigit() for key in rows.pop()):
+        return found
+    return {name: [*value.values()] for name, value in found.items()}
 
 
 def _refused(path: Path, reason: str) -> AsperityError:

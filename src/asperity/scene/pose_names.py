@@ -20,6 +20,8 @@ _SECTIONS = ("objects", "segments", "trajectories", "joints", "model outputs")
 """Lines of Vicon's above the one of its frames in a second."""
 _BODY = re.compile(r"(?i)(?:^|[\W_])(?:id|name|body|device|tracker|object|serial)$")
 """Names of columns that may tell bodies apart."""
+_MOST_LINES = 20
+"""Lines above the rows, the last ones, that may name columns."""
 _FRAMES = ("frame", "frame#", "frames", "frame number", "sample")
 
 
@@ -35,7 +37,7 @@ def named_layout(
     AsperityError
         Columns that do not make a pose, or poses of several bodies; one line.
     """
-    cells = (_cells(line, text.separator, len(names)) for line in text.header)
+    cells = (_cells(line, text.separator, len(names)) for line in text.header[-_MOST_LINES:])
     above = [line for line in cells if line is not None]
     rate = rate or frame_rate(text.header)
     made = [names, *(_joined(line, names) for line in reversed(above) if line != names)]

@@ -64,7 +64,7 @@ from asperity.scene.document import (
 )
 from asperity.scene.elastic import ANTI_ALIAS_NOTE, scene_elastic
 from asperity.scene.friction import settings_with, with_frictions
-from asperity.scene.mesh import copy_with_companions, geoms_mesh
+from asperity.scene.mesh import copy_with_companions, geoms_mesh, stretch_note
 from asperity.scene.mjcf import (
     geom_names,
     read_mjcf,
@@ -386,9 +386,8 @@ def _notes(body: Body) -> tuple[str, ...]:
             for kind in FELT
             if kind in material.maps
         )
-    for field in body.fields:
-        notes += field.notes
-    for found in (*body.friction_maps, *body.stiffness_maps):
+    notes += stretch_note(body.mesh, body.texture, body.mapping)
+    for found in (*body.fields, *body.friction_maps, *body.stiffness_maps):
         notes += tuple(found.notes)
     return notes
 

@@ -49,8 +49,11 @@ def file_table(text: str) -> dict[str, Any]:
             if key in table:
                 raise AsperityError(f"{text!r}: {key} is given twice; valid: once")
             table[key] = _option(value.strip())
-        elif key:  # a list of words
-            table[key] = f"{table[key]},{word.strip()}"
+        elif key:  # a list of numbers, or of words
+            before, value = table[key], _option(word.strip())
+            listed = before if isinstance(before, list) else [before]
+            plain = all(isinstance(one, float) for one in (*listed, value))
+            table[key] = [*listed, value] if plain else f"{before},{word.strip()}"
     return table
 
 

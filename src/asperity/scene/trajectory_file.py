@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,10 +16,11 @@ from asperity._core.text_table import TextTable, read_text_table
 from asperity._core.units import ANGLES, LENGTHS, TIMES
 from asperity._core.unpacking import suffix_of
 from asperity.errors import AsperityError, require_choice, require_positive
-from asperity.scene.clock_times import in_seconds
+from asperity.scene.clock_times import exact_times, in_seconds
 from asperity.scene.pose_arrays import array_columns
 from asperity.scene.pose_columns import COLUMNS, MATRICES, ORDERS, Layout, layout_in_order
 from asperity.scene.pose_doubts import pose_doubts
+from asperity.scene.pose_flags import lost_poses
 from asperity.scene.pose_json import JSON_FILES, json_table
 from asperity.scene.pose_names import (
     frame_rate,
@@ -37,6 +37,12 @@ UNITS, TIME_UNITS = ("m", "cm", "mm", "um", "nm", "in"), ("s", "ms", "us", "ns")
 _EXACT = 1e-6
 _EPOCH = 1e8
 """Times beyond it are since an epoch, in s, ms, us or ns by their size."""
+_BY_SIZE = (
+    (1e11, 1.0, ""), (1e14, 1e-3, "ms"), (1e17, 1e-6, "us"), (9e17, 1e-7, "100 ns (ticks)"),
+    (np.inf, 1e-9, "ns"),
+)  # fmt: skip
+"""Units of times since an epoch: seconds since 1970 have 10 digits until 2286, the ticks of .NET
+and Windows, since the years 1 and 1601, 18 digits, nanoseconds 19 since 2001."""
 _LENGTH_WORD = re.compile(
     r"(?<![A-Za-z_])(mm|cm|µm|um|(?i:(?:milli|centi|micro)met\w+|inch\w*))(?![A-Za-z])"
 )
@@ -173,10 +179,10 @@ def _seconds(table: _Table, given: float | None, notes: list[str]) -> Array:
     first = table.start + (float(times[0]) if times.size and np.isfinite(times[0]) else 0.0)
     stated = table.layout.time_unit
     if given is None and abs(first) > _EPOCH and (stated in (None, 1.0)):
-        # Seconds since 1970 have 10 digits until the year 2286.
-        size = 1.0 if abs(first) < 1e11 else 1e-3 if abs(first) < 1e14 else 1e-6
-        stated = 1e-9 if abs(first) >= 1e17 else size
-    scale = _unit(given, stated, "times", "time_unit", TIMES, notes)
+        scale, word = next((s, w) for most, s, w in _BY_SIZE if abs(first) <= most)
+        notes += [f"times in {word}, by their size"] if word else []
+    else:
+        scale = _unit(given, stated, "times", "time_unit", TIMES, notes)
     if abs(first) > _EPOCH:
         notes.append("times are since an epoch; the first is 0")
         times = times - times[0]
@@ -315,14 +321,19 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
         values = _chosen(values, layout)
     elif layout.places[0] < 0:
         values = np.column_stack([np.zeros(len(values)), values])
+    lost, why = lost_poses(text, names or ())
+    if lost is not None and len(lost) == len(values):
+        values[lost, 1:], notes = np.nan, (*notes, why)
     start = 0.0
     if layout.places[0] >= 0 and np.abs(values[:1, 0]).max() > _EPOCH:
-        start, values[:, 0] = _exact(text.complete(), layout.places[0], values[:, 0])
+        start, values[:, 0] = exact_times(text.complete(), layout.places[0], values[:, 0])
     if layout.nanoseconds is not None:
         values[:, 0] += 1e-9 * text.values([layout.nanoseconds])[:, 0]
     values, timed = _timed(path, values, layout, rate, shown, frame_rate(text.header))
     notes = (*notes, *timed)
-    origins, is_named = _Origins(text.row, rows), names is not None or order is not None
+    unsure = any(note.startswith("no name states the order") for note in said)
+    is_named = (names is not None and not unsure) or order is not None
+    origins = _Origins(text.row, rows)
     return _Table(values, layout, notes, origins, is_named, start)
 
 
@@ -387,13 +398,3 @@ def _named(
     if order is not None:
         return layout_in_order(path, order, text.columns)
     return named_layout(path, text, names, rate)
-
-
-def _exact(text: TextTable, column: int, values: Array) -> tuple[float, Array]:
-    """Return the first of long times, and all of them less it, without a loss of digits."""
-    cells = (line.split(text.separator)[column] for line in text.body.split("\n") if line.strip())
-    try:
-        numbers = [Decimal(cell.strip().replace(",", ".")) for cell in cells]
-    except (InvalidOperation, IndexError):
-        return float(values[0]), values - values[0]
-    return float(numbers[0]), np.array([float(n - numbers[0]) for n in numbers])

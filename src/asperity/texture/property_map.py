@@ -161,7 +161,7 @@ class PropertyMap(SampledMap):
         white = 1 if values.dtype.kind == "b" else np.iinfo(values.dtype).max
         if white not in (1, 255, 65535):
             raise SurfaceError(f"its pixels are {values.dtype}; valid: 8 or 16 bits, or floats")
-        return low + (high - low) * (values / white), stored
+        return low + (high - low) * (values / (stored.white or white)), stored
 
 
 def _notes_of(stored: Stored) -> tuple[str, ...]:

@@ -158,3 +158,33 @@ def test_the_command_tells_what_it_read(tmp_path, capsys):
     names = {p.name for p in (tmp_path / "collated.analysis").glob("[!.]*")}
     assert names == {"analysis.json", "answers.csv", "means.png", "means.svg"}
     assert main(["analyse", str(tmp_path), "--columns", "rating=Rating"]) == 2
+
+
+ROWS = [
+    {"Participant": f"P{p}", "Stimulus": name, "Rating": s + 0.25 * p + 0.5}
+    for p in range(4)
+    for s, name in enumerate(("None", "NA", "Körnung"))
+]
+
+
+@pytest.mark.parametrize(
+    ("encoding", "form"),
+    [("utf-8", {}), ("cp1252", {"sep": ";", "decimal": ","}), ("utf-16", {"sep": "\t"})],
+)
+def test_tables_as_spreadsheets_in_europe_write_them(tmp_path, encoding, form):
+    text = "# sheet 1\n" + pd.DataFrame(ROWS).to_csv(index=False, **form)
+    (tmp_path / "a.csv").write_bytes(text.encode(encoding))
+    answers = read_answers([tmp_path / "a.csv"])
+    assert sorted(answers.stimuli) == ["Körnung", "NA", "None"]
+    assert answers.table.rating.tolist() == [row["Rating"] for row in ROWS]
+    assert answers.notes == ()
+
+
+def test_words_and_codes_of_missing_answers(tmp_path):
+    table = pd.DataFrame(ROWS).astype({"Rating": object})
+    table.loc[0, "Rating"] = "n/a "
+    table.loc[[5, 7], "Rating"] = -99
+    table.to_csv(tmp_path / "a.csv", index=False)
+    notes = read_answers([tmp_path / "a.csv"]).notes
+    assert any("is a rating of -99 a missing answer? It is there 2 times" in n for n in notes)
+    assert any("1 of 12 rows have no rating" in n for n in notes)

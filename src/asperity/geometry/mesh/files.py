@@ -83,7 +83,7 @@ def read_mesh(
     """
     path = Path(os.path.expanduser(path))
     if unit is not None:
-        require_choice("unit", unit, UNITS)
+        unit = require_choice("unit", unit, UNITS)
     contents = read_contents(path)
     return mesh_of(path, contents, unit=unit, hard_angle=hard_angle, name=name)
 
@@ -123,7 +123,7 @@ def mesh_of(
     if normals is not None and hard_angle is None:
         notes.append("the file's normals carry the displacement")
     materials = tuple(_in_metres(material, UNITS[unit]) for material in materials)
-    return replace(mesh, notes=(*notes, *mesh.notes), materials=materials)
+    return replace(mesh, notes=(*notes, *mesh.notes), materials=materials, up=contents.up or "")
 
 
 def read_contents(path: Path) -> Contents:

@@ -17,14 +17,15 @@ from asperity.geometry.mesh.materials import FELT, MapImage
 
 _BY_NAME = {
     "displacement": ("displacement", "disp", "displace", "dispmap", "displacementmap", "height",
-                     "heightmap", "depth", "dsp"),
+                     "heightmap", "heightfield", "parallax", "depth", "dsp"),
     "normal": ("normal", "normals", "normalgl", "normaldx", "normalogl", "nrm", "nor", "norm",
-               "normalmap", "nrml", "nml"),
+               "normalmap", "nrml", "nml", "ddn", "ddna"),
     "bump": ("bump", "bumpmap"),
     "colour": ("color", "colour", "basecolor", "basecolour", "albedo", "diffuse", "diff", "col"),
     "roughness": ("roughness", "rough", "rgh"),
     "other": ("ao", "ambientocclusion", "occlusion", "occ", "arm", "orm", "rma", "mra", "mrao",
               "metallic", "metalness", "opacity", "alpha", "mask", "cavity", "gloss", "glossiness",
+              "smoothness",
               "specular", "spec", "reflection", "translucency", "transmission", "emission",
               "emissive", "curvature", "thickness", "preview", "thumb", "thumbnail", "render"),
 }  # fmt: skip
@@ -39,6 +40,8 @@ _SHORT = {
     "r": "roughness",
 }  # fmt: skip
 """Last letters of names that begin with T_, as Unreal's pictures do, or that stand in a folder."""
+_WORKFLOWS = ("METALNESS", "SPECULAR")
+"""Last words of names that state which set of maps it is of, not what it shows."""
 _SUFFIXES = (".tif", ".tiff", ".png", ".exr", ".tga", ".bmp", ".webp", ".dds", ".jpg", ".jpeg")
 """Of pictures, those that keep more of the heights first."""
 _SIZE = re.compile(r"(\d+)k|jpe?g|png|exr|tiff?")
@@ -176,6 +179,8 @@ def _parsed(path: Path, short: bool) -> _Named | None:
     words = [word for word in re.split(r"[\W_]+", path.stem) if word]
     sizes = [_SIZE.fullmatch(word.lower()) for word in words]
     size = max((int(found.group(1) or 0) for found in sizes if found), default=0)
+    if any(sizes[:-1]) and words[-1] in _WORKFLOWS:  # Poliigon's, behind the size
+        words, sizes = words[:-1], sizes[:-1]
     words = [word for word, found in zip(words, sizes, strict=True) if not found]
     lower = tuple(word.lower() for word in words)
     if lower and lower[-1] in _SHORT and (short or lower[0] == "t"):

@@ -43,6 +43,8 @@ class Mesh:
         Of the file, those that its parts have.
     material : (m,) int64 array or None
         Number of each triangle's material in `materials`, -1: none.
+    up : str
+        Axis that points upwards as the kind of file or the file states it, "" without.
     """
 
     vertices: Array
@@ -53,6 +55,7 @@ class Mesh:
     notes: tuple[str, ...] = ()
     materials: tuple[Material, ...] = ()
     material: Indices | None = None
+    up: str = ""
 
 
 def mesh_from_arrays(

@@ -7,10 +7,18 @@ of its method (`METHODS`), under these names or mapped: `rating=Roughness`.
 
 from __future__ import annotations
 
+import io
+import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from asperity._core.arrays import Array
+from asperity._core.files import text_of
+from asperity._core.text_form import MISSING
 from asperity.errors import AsperityError, require_choice
 from asperity.psychophysics.outside.answers import METHODS, Answers
 from asperity.psychophysics.outside.forms import FORMS, Form, psychopy_mapping
@@ -20,6 +28,13 @@ if TYPE_CHECKING:
 
 _LARGEST = 64 * 2**20
 """Largest file that is read [bytes]."""
+_DECIMAL_COMMA = re.compile(r"(?<![\d,])\d+,\d+(?![\d,])")
+_POINT = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")
+"""Numbers with a decimal mark."""
+_NO_CHOICE = ("None", "none", "NaN", "nan", "NA", "N/A", "null", "-")
+"""Words where nothing was chosen, as PsychoPy's for no key."""
+_CODES = (-1.0, -9.0, -99.0, -999.0, -9999.0, 99.0, 999.0, 9999.0, 88.0, 77.0)
+"""Numbers by which questionnaires mark a missing answer."""
 
 
 def read_answers(
@@ -93,13 +108,17 @@ def read_table(path: Path) -> pd.DataFrame:
             f"{path}: a MATLAB file; write it as a table first: writetable(T, 'table.csv')"
         )
     try:
+        # Stimuli and people may be named NA or None: empty cells alone are missing in each column.
+        cells = {"keep_default_na": False, "na_values": [""]}
         if kind in (".xlsx", ".xlsm"):
-            found = pd.read_excel(path)
+            found = pd.read_excel(path, **cells)
         elif kind in (".csv", ".tsv", ".txt"):
-            with path.open(encoding="utf-8-sig") as file:
-                head = file.readline()
-            separator = max(",;\t", key=head.count)
-            found = pd.read_csv(path, sep=separator, encoding="utf-8-sig")
+            text = without_comments(text_of(path.read_bytes()))
+            separator = max(",;\t", key=text.partition("\n")[0].count)
+            comma = separator != "," and _DECIMAL_COMMA.search(text) and not _POINT.search(text)
+            found = pd.read_csv(
+                io.StringIO(text), sep=separator, decimal="," if comma else ".", **cells
+            )
         else:
             what = kind or "a file without ending"
             raise AsperityError(f"{path}: cannot read {what} as a table; give .csv, .tsv or .xlsx")
@@ -117,6 +136,13 @@ def read_table(path: Path) -> pd.DataFrame:
         raise AsperityError(f"{path}: the table has no rows")
     found.columns = [str(column).strip() for column in found.columns]
     return found
+
+
+def without_comments(text: str) -> str:
+    """Return a text without the lines above its table that begin with #."""
+    while text.startswith("#"):
+        text = text.partition("\n")[2]
+    return text
 
 
 def _pairs(option: str, given: Sequence[str]) -> dict[str, list[str]]:
@@ -175,7 +201,8 @@ def _tidy(
             raise AsperityError(f"columns name {target!r}; valid are {', '.join(sorted(known))}")
         for source in sources:
             _require(path, raw, source)
-    have = {c: mapping.get(c, [c]) for c in known if c in mapping or c in raw.columns}
+    named = {str(column).casefold(): column for column in reversed(list(raw.columns))}
+    have = {c: mapping.get(c, [named.get(c, c)]) for c in known if c in mapping or c in named}
     method = method or next(
         (m for m, needed in METHODS.items() if {*needed} - {"participant", "trial"} <= set(have)),
         None,
@@ -213,11 +240,15 @@ def _checked(
 
     numbers = [column for column in ("rating", "rank") if column in table]
     for column in numbers:
+        table[column] = table[column].map(_or_missing)
         values = pd.to_numeric(table[column], errors="coerce")
         bad = table[column][values.isna() & table[column].notna()]
         if len(bad):
             raise AsperityError(f"{path}: {column} must be a number, got {bad.iloc[0]!r}")
         table[column] = values
+        notes += _coded(column, values.dropna().to_numpy())
+    if method == "choice":
+        table["chosen"] = table["chosen"].where(~table["chosen"].isin(_NO_CHOICE))
     if table.empty:
         raise AsperityError(f"{path}: no answers in it")
     missing = table.drop(columns="condition").isna().any(axis=1)
@@ -232,6 +263,24 @@ def _checked(
     if method == "choice":
         table["chosen"] = _chosen(path, table)
     return Answers(method, table.reset_index(drop=True), name, tuple(notes), words)
+
+
+def _or_missing(cell: object) -> object:
+    """Return an answer, or NaN for a word that stands for a missing one."""
+    return math.nan if isinstance(cell, str) and cell.strip().lower() in MISSING else cell
+
+
+def _coded(column: str, values: Array) -> list[str]:
+    """Return a doubt of answers that look like a code for a missing one, far from all others."""
+    for code in np.unique(values):
+        others = values[values != code]
+        if code in _CODES and others.size and np.abs(others - code).min() > np.ptp(others):
+            count = int(np.count_nonzero(values == code))
+            return [
+                f"is a {column} of {code:g} a missing answer? It is there {count} times, far from "
+                f"all others ({others.min():g} to {others.max():g}): empty its cells, if so"
+            ]
+    return []
 
 
 def _chosen(path: Path, table: pd.DataFrame) -> pd.Series:

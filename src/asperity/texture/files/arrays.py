@@ -28,11 +28,19 @@ ARRAY_SUFFIXES = (".npy", ".npz", ".csv", ".txt", ".tsv")
 GREY_LEVELS = "whole numbers are read as grey levels"
 """Note on arrays of integers."""
 _PIXEL_KEY = re.compile(r"(?:pixel(_?(?:size|pitch|spacing))?|spacing)(_(nm|um|mm|m))?")
-_STEP_KEYS = tuple(re.compile(rf"d{axis}(_(nm|um|mm|m))?") for axis in "xy")
+_STEP_KEYS = tuple(
+    re.compile(
+        rf"(?:d{axis}|{axis}_(?:step|spacing|pixel_size)|pixel_?size_{axis})(_(nm|um|mm|m))?"
+    )
+    for axis in "xy"
+)
 _PLACE_KEYS = tuple(re.compile(rf"{axis}(_(nm|um|mm|m))?", re.IGNORECASE) for axis in "xy")
 _UNIT_KEYS = ("unit", "units", "height_unit", "height_units", "z_unit", "z_units", "unit_z")
 """Names of an array of one text, the unit of the heights."""
 _HEIGHT_KEY = re.compile(r".+_(nm|um|mm|m)")
+_FEW, _LONG = 8, 16
+"""Columns of points at most, and rows a column from which an array is suspected to hold them."""
+_ARE_POINTS = "are they points, x, y and z in each row? Valid as text, or as heights on their grid"
 _VALID = "valid: an array of numbers, saved by numpy.save or numpy.savez"
 
 
@@ -57,9 +65,12 @@ def _numbers(path: Path, values: Any, unit: str = "") -> Stored:
     if values.dtype.kind not in "uif":
         refuse(path, f"it holds {values.dtype} values; valid: real numbers")
     scale = SHORT[unit or "m"]
+    notes: tuple[str, ...] = ()
+    if values.ndim == 2 and values.shape[1] <= _FEW and len(values) > _LONG * values.shape[1]:
+        notes = (f"a map of {values.shape[1]} columns and {len(values)} rows: {_ARE_POINTS}",)
     if values.dtype.kind in "ui" and not unit:
-        return Stored(values, (GREY_LEVELS,), scale=None, step=level_step(values))
-    return Stored(values, () if unit else (NO_UNIT,), None, scale, unit)
+        return Stored(values, (*notes, GREY_LEVELS), scale=None, step=level_step(values))
+    return Stored(values, notes if unit else (*notes, NO_UNIT), None, scale, unit)
 
 
 def load_npz(path: Path, array: str | None = None) -> Stored:
@@ -100,6 +111,9 @@ def load_npz(path: Path, array: str | None = None) -> Stored:
         named = _PIXEL_KEY.fullmatch(key)
         if named and sizes.dtype.kind in "iuf" and sizes.size in (1, 2):
             pu, pv = np.broadcast_to(np.ravel(sizes), 2) * SHORT[named.group(3) or "m"]
+            if not named.group(3) and stored.unit not in ("", "m"):
+                doubt = f"is {key} in {stored.unit} too? Its name states none: read in m"
+                stored = stored._replace(notes=(*stored.notes, doubt))
             return stored._replace(pixel_size=(float(pu), float(pv)))
     return stored
 
@@ -110,6 +124,8 @@ def _placed(stored: Stored, arrays: dict[str, Any]) -> Stored | None:
     for axis, of in zip((1, 0), _PLACE_KEYS, strict=True):
         named = next(filter(None, map(of.fullmatch, arrays)), None)
         places = arrays[named.group()] if named else None
+        if places is not None and places.shape == values.shape:
+            places = _of_mesh_grid(places, axis)
         if values.ndim != 2 or places is None or places.dtype.kind not in "iuf":
             return None
         if places.shape != values.shape[axis : axis + 1] or len(places) < 3:
@@ -121,6 +137,13 @@ def _placed(stored: Stored, arrays: dict[str, Any]) -> Stored | None:
         size.append(abs(float(steps.mean())) * SHORT[(named and named.group(2)) or "m"])
     notes = (*stored.notes, "its pixel size is that of the places x and y beside the heights")
     return stored._replace(values=values, pixel_size=(size[0], size[1]), notes=notes)
+
+
+def _of_mesh_grid(places: Any, axis: int) -> Any:
+    """Return the places along an axis of an array that repeats them, as meshgrid makes it."""
+    line = places[0] if axis else places[:, 0]
+    repeated = line[None, :] if axis else line[:, None]
+    return line if places.ndim == 2 and (places == repeated).all() else None
 
 
 def _in_stated_unit(stored: Stored, arrays: dict[str, Any]) -> Stored:
@@ -147,9 +170,12 @@ def _choose_array(path: Path, arrays: dict[str, Any], array: str | None) -> str:
         for name, values in arrays.items()
         if values.dtype.kind in "iuf" and not _PIXEL_KEY.fullmatch(name)
     }
-    maps = [n for n, values in numeric.items() if values.ndim == 2] or [
-        n for n, values in numeric.items() if values.ndim == 1 and values.size > 3
-    ]
+    maps = [n for n, values in numeric.items() if values.ndim == 2]
+    maps = (
+        [n for n in maps if not any(of.fullmatch(n) for of in _PLACE_KEYS)]
+        or maps
+        or [n for n, values in numeric.items() if values.ndim == 1 and values.size > 3]
+    )
     if len(maps) != 1:
         how_many = "several arrays" if maps else "no array"
         refuse(path, f"{how_many} of heights; choose with array= from: {', '.join(arrays)[:200]}")

@@ -25,8 +25,16 @@ from asperity.errors import SurfaceError
 from asperity.texture.files.checks import MAX_SAMPLES
 from asperity.texture.files.colours import grey
 from asperity.texture.files.levels import smooth_levels as smooth_levels
+from asperity.texture.files.picture_heads import as_stored, gwyddion_scale
+from asperity.texture.files.png16 import read_png16
+from asperity.texture.files.printed_size import printed_size, printed_size_of_tiff
 from asperity.texture.files.stored import Stored, check_size
-from asperity.texture.files.tiff_scale import RESOLUTIONS, gdal_scale, gdal_unit, tiff_pixel_size
+from asperity.texture.files.tiff_scale import (
+    ValueScale,
+    is_south_up,
+    tiff_pixel_size,
+    value_scale,
+)
 
 IMAGE_SUFFIXES = (
     ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".tga", ".dds", ".exr",
@@ -46,13 +54,10 @@ The pixels are stored otherwise than they are seen; this makes them as they are 
 """
 _NODATA = 42113
 """GDAL's tag for the value of missing pixels."""
-_ORIENTATION, _RESOLUTION_UNIT = 274, 296
+_ORIENTATION = 274
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PARK = 50432
 """Tag by which microscopes of Park Systems mark their files."""
-_SCREENS = (1.0, 72.0, 90.0, 96.0, 100.0, 120.0, 144.0, 150.0, 180.0, 200.0, 240.0, 300.0, 350.0,
-            360.0, 400.0, 600.0)  # fmt: skip
-"""Dots per inch of screens and prints, which programs write without knowing."""
 _AS_STORED = ("L", "LA", "RGB", "RGBA", "I", "F")
 _PNG_COLOURS = {2: "RGB", 4: "LA", 6: "RGBA"}
 
@@ -73,6 +78,10 @@ class _Picture(NamedTuple):
     """By its resolution, which may be that of a print [m]"""
     unit: str = ""
     """Of its values, as the file states it."""
+    by: str = ""
+    """Which program's words state it."""
+    white: float = 0.0
+    """Largest value that it may have, if that is not the largest of its type."""
     preview: bool = False
     """Whether the heights stand elsewhere in the file."""
 
@@ -96,10 +105,12 @@ def read_image(path: Path, colour: str | None = None) -> Stored:
     if picture.preview and colour is None:
         raise PreviewOnlyError(path)
     stored = grey(path, np.flipud(picture.pixels), picture.notes, colour)
-    stored = stored._replace(pixel_size=picture.pixel_size, printed_size=picture.printed_size)
+    stored = stored._replace(
+        pixel_size=picture.pixel_size, printed_size=picture.printed_size, white=picture.white
+    )
     if picture.unit and colour is None:
         metres = length_of(picture.unit)
-        said = "as the file states (GDAL)" if metres else "which is no length"
+        said = f"as the file states ({picture.by})" if metres else "which is no length"
         note = f"heights in {picture.unit}, {said}"
         stored = stored._replace(
             scale=metres, unit=picture.unit, notes=(*stored.notes, note), step=0.0
@@ -126,32 +137,19 @@ def read_pixels(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
     return picture.pixels, picture.notes
 
 
-def _printed(dots: Any) -> tuple[float, float] | None:
-    """Return the pixel size [m] by dots per inch, of a print or of a surface.
+def picture_scale(
+    path: Path,
+) -> tuple[tuple[int, int], tuple[float, float] | None, float | None]:
+    """Return rows and columns of an image, and what it states of its pixel size and unit [m].
 
-    None for those of screens and usual prints, and for what is no pair of numbers above 0.
+    Raises `PreviewOnlyError` where its heights stand elsewhere in the file.
     """
-    try:
-        found = [float(value) for value in dots]
-        if all(any(abs(dot - usual) < 0.01 * usual for usual in _SCREENS) for dot in found):
-            return None
-        pu, pv = (0.0254 / dot for dot in found)
-    except (TypeError, ValueError, ZeroDivisionError):  # none, or damaged: it states nothing
-        return None
-    return pu, pv
-
-
-def _printed_tiff(page: Any) -> tuple[float, float] | None:
-    """Return the pixel size [m] by the resolution of a TIFF's page, as `_printed`."""
-    tags = [page.tags.get(number) for number in (*RESOLUTIONS, _RESOLUTION_UNIT)]
-    if tags[0] is None or tags[1] is None:
-        return None
-    inches = {2: 1.0, 3: 1.0 / 2.54}.get(2 if tags[2] is None else int(tags[2].value))
-    try:
-        return _printed([above / (below * (inches or 0.0)) for above, below in
-                         (tag.value for tag in tags[:2])])  # fmt: skip
-    except (TypeError, ValueError, ZeroDivisionError):  # no unit, or damaged
-        return None
+    picture = _read(path)
+    if picture.preview:
+        raise PreviewOnlyError(path)
+    rows, columns = picture.pixels.shape[:2]
+    metres = length_of(picture.unit) if picture.unit else None
+    return (rows, columns), picture.pixel_size, metres
 
 
 def _read(path: Path) -> _Picture:
@@ -166,15 +164,15 @@ def _read(path: Path) -> _Picture:
         columns, rows, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", head[16:29])
         if depth == 16 and colour in _PNG_COLOURS:
             check_size(path, rows, columns)
-            pixels = _png16(path, (columns, rows), _PNG_COLOURS[colour], interlaced)
+            pixels = read_png16(path, (columns, rows), _PNG_COLOURS[colour], interlaced)
             with _opened(path) as image:
-                picture = _Picture(pixels, printed_size=_printed(image.info.get("dpi")))
+                picture = _Picture(pixels, printed_size=printed_size(image.info.get("dpi")))
                 return _upright(picture, _orientation(image))
     return _read_pillow(path)
 
 
-def _upright(picture: _Picture, orientation: int) -> _Picture:
-    """Return a picture turned and mirrored as its EXIF orientation states, 1 to 8."""
+def _upright(picture: _Picture, orientation: int, why: str = "") -> _Picture:
+    """Return a picture turned and mirrored as its EXIF orientation states, 1 to 8; or else why."""
     if orientation not in _TURNS:
         return picture
     mirrored, quarters, stated = _TURNS[orientation]
@@ -183,7 +181,7 @@ def _upright(picture: _Picture, orientation: int) -> _Picture:
         return np.rot90(np.fliplr(pixels) if mirrored else pixels, quarters)
 
     missing = None if picture.missing is None else turned(picture.missing)
-    note = f"the picture is {stated}, as its EXIF orientation {orientation} states"
+    note = why or f"the picture is {stated}, as its EXIF orientation {orientation} states"
     size = picture.pixel_size
     if size is not None and quarters % 2:
         size = size[::-1]
@@ -193,38 +191,11 @@ def _upright(picture: _Picture, orientation: int) -> _Picture:
     )  # fmt: skip
 
 
-def _png16(path: Path, size: tuple[int, int], mode: str, interlaced: int) -> NDArray[np.uint16]:
-    """Return the pixels of a 16-bit PNG of several channels.
-
-    Pillow opens these files with 8 bits a channel. Its zip decoder yields all bits in two passes,
-    for the upper and for the lower byte, or, with two channels, when the four bytes of a pixel are
-    declared as RGBA.
-    """
-    from PIL import Image
-
-    content, place, stream = path.read_bytes(), 8, []
-    while place + 8 <= len(content):
-        length, name = struct.unpack(">I4s", content[place : place + 8])
-        if name == b"IDAT":
-            stream.append(content[place + 8 : place + 8 + length])
-        place += length + 12
-    data = b"".join(stream)
-
-    def decoded(as_mode: str, layout: str) -> NDArray[np.uint16]:
-        image = Image.frombytes(as_mode, size, data, "zip", layout, interlaced)
-        return np.asarray(image).astype(np.uint16)
-
-    if mode == "LA":
-        pixels = decoded("RGBA", "RGBA")
-        return pixels[..., 0::2] * np.uint16(256) + pixels[..., 1::2]
-    return decoded(mode, f"{mode};16B") * np.uint16(256) + decoded(mode, f"{mode};16L")
-
-
 def _read_pillow(path: Path) -> _Picture:
     with _opened(path) as image:
         frames = getattr(image, "n_frames", 1)
         notes = (f"the first of {frames} pictures in the file is read",) if frames > 1 else ()
-        printed = _printed(image.info.get("dpi"))
+        printed = printed_size(image.info.get("dpi"))
         image.load()
         orientation = _orientation(image)  # a TIFF is turned already, and states so now
         if image.mode in ("P", "PA"):
@@ -239,7 +210,18 @@ def _read_pillow(path: Path) -> _Picture:
         count = np.count_nonzero(pixels == clear) if pixels.ndim == 2 and clear is not None else 0
         if count:
             notes = (*notes, f"are its {count} clear pixels missing? nodata={clear}")
-    return _upright(_Picture(pixels, notes, printed_size=printed), orientation)
+        pixels, white = as_stored(path, pixels)
+        picture = _Picture(pixels, notes, printed_size=printed, white=white)
+        picture = _with_gwyddion(path, picture, image.info)
+    return _upright(picture, orientation)
+
+
+def _with_gwyddion(path: Path, picture: _Picture, info: dict[Any, Any]) -> _Picture:
+    """Return a picture with the pixel size and the heights that Gwyddion has written into it."""
+    found = gwyddion_scale(path, info, picture.pixels)
+    if found is None:
+        return picture
+    return _scaled(picture._replace(pixel_size=found[0]), found[1])
 
 
 def _opened(path: Path) -> Any:
@@ -266,7 +248,9 @@ def _opened(path: Path) -> Any:
 def _orientation(image: Any) -> int:
     """Return the EXIF orientation of an image, 1 where it has none that can be read."""
     try:
-        return int(image.getexif().get(_ORIENTATION, 1))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return int(image.getexif().get(_ORIENTATION, 1))
     except Exception:  # EXIF that is damaged states nothing
         return 1
 
@@ -319,8 +303,7 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
                 f"{path}: this compression of 16-bit colour needs a reader that is not "
                 "installed; valid: pip install imagecodecs, or save it without compression"
             ) from None
-        picture = _read_pillow(path)._replace(pixel_size=tiff_pixel_size(file))
-        return _without_nodata(picture, page)
+        return _as_stated(_read_pillow(path), file, page)
     if page.photometric == kinds.PALETTE:
         pixels = np.moveaxis(page.colormap[:, pixels], 0, -1)
         notes = (*notes, "the palette is looked up")
@@ -330,20 +313,34 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
     if page.samplesperpixel > 1 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE:
         pixels = np.moveaxis(pixels, 0, -1)
     orientation = page.tags.get(_ORIENTATION)
-    picture = _without_nodata(_Picture(pixels, notes, None, tiff_pixel_size(file)), page)
-    stated = gdal_scale(page)
-    if stated is not None and pixels.ndim == 2:
-        note = f"values times {stated[0]:g} plus {stated[1]:g}, as the file states (GDAL)"
-        values = picture.pixels.astype(np.float64) * stated[0] + stated[1]
-        picture = picture._replace(pixels=values, notes=(*picture.notes, note))
-    unit = gdal_unit(page) if pixels.ndim == 2 else ""
-    picture = picture._replace(unit=unit, printed_size=_printed_tiff(page))
+    turn = 1 if orientation is None else int(orientation.value)
+    return _as_stated(_Picture(pixels, notes), file, page, turn)
+
+
+def _as_stated(picture: _Picture, file: Any, page: Any, orientation: int = 1) -> _Picture:
+    """Return the picture of a TIFF's page with its scale, what is missing, and upright."""
+    picture = _without_nodata(picture._replace(pixel_size=tiff_pixel_size(file)), page)
+    picture = _scaled(picture, value_scale(file))
+    picture = picture._replace(printed_size=printed_size_of_tiff(page))
     if len(file.pages) > 1 and file.pages[1].is_mask and picture.missing is None:
         inside = file.pages[1].asarray()
-        if inside.shape == pixels.shape[:2]:
+        if inside.shape == picture.pixels.shape[:2]:
             clear = f"{np.count_nonzero(inside == 0)} pixels are missing, as the file's mask states"
             picture = picture._replace(missing=inside == 0, notes=(*picture.notes, clear))
-    return _upright(picture, 1 if orientation is None else int(orientation.value))
+    if is_south_up(file):
+        return _upright(picture, 4, "its rows go northwards (GeoTIFF): the first is at the bottom")
+    return _upright(picture, orientation)
+
+
+def _scaled(picture: _Picture, stated: ValueScale | None) -> _Picture:
+    """Return a grey picture with its values as its file states them, in the unit that it states."""
+    if stated is None or picture.pixels.ndim != 2:
+        return picture
+    if (stated.factor, stated.offset) != (1.0, 0.0):
+        note = f"values times {stated.factor:g} plus {stated.offset:g}, as the file states"
+        values = picture.pixels.astype(np.float64) * stated.factor + stated.offset
+        picture = picture._replace(pixels=values, notes=(*picture.notes, f"{note} ({stated.by})"))
+    return picture._replace(unit=stated.unit, by=stated.by)
 
 
 def _without_nodata(picture: _Picture, page: Any) -> _Picture:

@@ -18,6 +18,7 @@ from asperity._core.arrays import Mask
 from asperity._core.units import length_of
 from asperity.errors import SurfaceError
 from asperity.texture.files.digital_surf import uncompressed
+from asperity.texture.files.matlab import check_mat
 from asperity.texture.files.points import profile
 from asperity.texture.files.stored import Stored, check_size, refuse
 
@@ -31,6 +32,10 @@ INSTRUMENT_SUFFIXES = tuple(f".{name}" for name in _INSTRUMENTS.split())
 _UPWARDS = ("x3p", "sdf", "xyz", "nc", "h5", "mat")
 """Formats whose rows go upwards, by their norms or as arrays do; others are as seen, from the top:
 the reader has them such that rows from the top show what the instrument's program does."""
+_ARRAYS = ("mat", "h5")
+"""Formats of plain arrays, `Z(row, column)`; of all others the first index runs along u."""
+_BESIDE = ("x", "y", "xx", "yy", "xi", "yi", "mask", "valid")
+"""Names of arrays beside the heights, as `[X, Y] = meshgrid(...)` makes them."""
 _DIGITAL_SURF = (".sur", ".pro")
 _TURNED = "its Rotation, of the scan in a larger frame, is left out"
 _REVISION = "ISO5436 - 2000"
@@ -52,6 +57,8 @@ def load_instrument(path: Path) -> Stored:
     notes: tuple[str, ...] = ()
     if suffix == ".x3p":
         source, valid, notes = _standard_x3p(path)
+    elif suffix == ".mat":
+        check_mat(path)
     elif suffix in _DIGITAL_SURF:
         source = uncompressed(path) or source
     elif suffix == ".sdf" and (head := path.read_bytes()[1:4]) == b"BCR":
@@ -97,7 +104,7 @@ def _opened(path: Path, source: Any, surfaces: Any) -> Any:
 
 
 def _channel(path: Path, reader: Any) -> Stored:
-    channel = reader.default_channel
+    channel = _with_heights(reader)
     notes: tuple[str, ...] = ()
     check_size(path, *channel.nb_grid_pts)
     sized = channel.physical_sizes is not None
@@ -106,7 +113,8 @@ def _channel(path: Path, reader: Any) -> Stored:
         notes = (*notes, f"the default channel{name} of {len(reader.channels)} is read")
     try:
         topography = reader.topography(
-            **({} if sized else {"physical_sizes": tuple(map(float, channel.nb_grid_pts))})
+            channel_index=channel.index,
+            **({} if sized else {"physical_sizes": tuple(map(float, channel.nb_grid_pts))}),
         )
         heights: Any = topography.heights()
     except Exception:
@@ -129,12 +137,19 @@ def _channel(path: Path, reader: Any) -> Stored:
         pu, pv = np.broadcast_to(topography.pixel_size, 2)
         steps = (float(pu), float(pv)) if sized else None
     pixel_size = (steps[0] * metres, steps[1] * metres) if steps and metres else None
-    # Its first index runs along u.
-    values = np.ma.filled(np.ma.asarray(heights, dtype=np.float64), np.nan).T
+    values = np.ma.filled(np.ma.asarray(heights, dtype=np.float64), np.nan)
+    values = values if reader.format() in _ARRAYS else values.T
     if values.ndim == 2 and reader.format() not in _UPWARDS:
         values = np.flipud(values)
         notes = (*notes, "its first row is the top of the map")
     return Stored(values, notes, pixel_size, scale, unit or "")
+
+
+def _with_heights(reader: Any) -> Any:
+    """Return the default channel; of arrays the first whose name is not that of places."""
+    channels = reader.channels if reader.format() in _ARRAYS else ()
+    heights = [c for c in channels if str(c.name).split("/")[-1].casefold() not in _BESIDE]
+    return heights[0] if heights else reader.default_channel
 
 
 def _standard_x3p(path: Path) -> tuple[io.BytesIO, bytes, tuple[str, ...]]:

@@ -143,7 +143,7 @@ def read_heights(
     if colour is not None:
         require_choice("colour", colour, COLOURS)
     if unit is not None:
-        require_choice("unit", unit, SHORT)
+        unit = require_choice("unit", unit, SHORT)
     pixels = None if pixel_size is None else _lengths(path, "pixel_size", pixel_size)
     if height_range is not None:
         _lengths(path, "height_range", height_range)
@@ -321,7 +321,7 @@ def _pixel_size(
     if given is None and own is None:
         wanted.append("pixel_size [m]")
     if height_range is None and stored.scale is None:
-        wanted.append("height_range [m], lowest to highest")
+        wanted.append("height_range [m], lowest to highest, or unit")
     if wanted:
         dots = stored.printed_size if given is None and own is None else None
         hint = (

@@ -34,6 +34,8 @@ class Stored(NamedTuple):
     """Whether `pixel_size` is in the unit of the values too, which is not said."""
     printed_size: tuple[float, float] | None = None
     """Pixel size by the resolution of an image, which may be that of a print [m]."""
+    white: float = 0.0
+    """Largest value that pixels may have, if it is not the largest of their type."""
 
 
 def check_size(path: Path, *shape: int) -> None:

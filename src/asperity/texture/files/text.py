@@ -19,8 +19,10 @@ from asperity.texture.files.stored import NO_UNIT, NO_UNITS, Stored, check_size,
 from asperity.texture.files.text_columns import (
     FEW,
     ColumnUnits,
+    are_counted,
     are_named,
     are_numbered,
+    are_on_the_globe,
     columns_of_heights,
     is_even,
     names_of,
@@ -68,7 +70,7 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
                "place and height with a line of names above")  # fmt: skip
     columns = _columns(path, values, names)
     if columns is not None:
-        stored = _from_columns(path, values, names, columns, pixel_size)
+        stored = _from_columns(path, values, names, columns, pixel_size, header)
     else:
         stored = _first_block(table, values, blocks, header, names)
     doubt = _doubt_of_thousands(table)
@@ -118,17 +120,25 @@ def _doubt_of_thousands(table: TextTable) -> str | None:
 
 def _from_columns(
     path: Path, values: Array, names: Sequence[str] | None, columns: tuple[int, ...],
-    pixel_size: float | None,
+    pixel_size: float | None, header: Header,
 ) -> Stored:  # fmt: skip
     """Return points, or a profile, as a map or a line of heights."""
     units, numbered = units_of(names, columns), are_numbered(names, columns)
+    above = not units.word and not units.no_length and header.scale is not None
+    if above:  # as of heights whose names state it
+        scale = header.scale or 1.0
+        units = ColumnUnits(header.unit or "", scale, scale, of_heights=True, across=scale)
     known = names or {2: ("x", "z"), 3: ("x", "y", "z")}[len(columns)]
     called = ", ".join(known[at] for at in columns)
+    if len(columns) == 3 and are_on_the_globe(names, columns):
+        refuse(path, f"its places are angles ({called}); valid: x, y, z in a unit of length "
+               "(project them)")  # fmt: skip
     if len(columns) == 2:
         grid = _profile(path, values[:, columns])
     else:
         x, y, z = (values[:, at] for at in columns)
         y = -y if numbered else y  # rows are numbered from the top
+        y = y if numbered else y * (units.across / units.lateral)
         step = pixel_size / units.lateral if pixel_size and units.word else None
         grid = _map(path, (x, y, z), called, step, pixel_size)
     notes = [f"{grid.note} ({called})", *_left_out(names, columns, values.shape[1])]
@@ -143,7 +153,12 @@ def _from_columns(
         notes.append(f"its heights are in {units.no_length!r}, which is no length")
         return Stored(grid.values, tuple(notes), size, None, units.no_length)
     follow = not units.word
-    notes.append(_said(units))
+    of_samples = grid.pixel_size[0] == 1.0 and not units.of_places and header.pixel is not None
+    if of_samples or are_counted(names, columns):
+        notes.append(f"places ({called.partition(',')[0]}) are numbers of samples, or no lengths")
+        notes.append(f"heights in {units.word}" if units.word else NO_UNIT)
+        return Stored(grid.values, tuple(notes), header.pixel, units.scale, units.word)
+    notes.append(_said(units) + (", as a line above states" if above else ""))
     return Stored(grid.values, tuple(notes), size, units.scale, units.word, sizes_follow=follow)
 
 

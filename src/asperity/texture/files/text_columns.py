@@ -28,7 +28,16 @@ _HEIGHTS = re.compile(
     "height|höhe|hauteur|altezza|altura|výška|высота|高|높이|depth|tiefe|elevation|topo|altit|relief",
     re.IGNORECASE,
 )
+_COMPASS = {"east": "x", "easting": "x", "north": "y", "northing": "y"}
 _BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*[^\W\d][^\[\]()]*?)\s*[\])]")
+_GLOBE = re.compile(r"(?i)(?<![a-z])(?:lat(?:itude)?|lon(?:g(?:itude)?)?)(?![a-z])")
+_COUNTED = re.compile(
+    r"(?i)[xyij]?[\W_]*(?:px|pixels?|idx|ind(?:ex|ices)|samples?|points?|frames?|steps?|n[ro]?|i|j)"
+    r"[\W_]*\d?|time|zeit|temps|t"
+)
+"""Names of places that are numbers of samples, or times."""
+_NOMINAL = re.compile(r"(?i)(?<![a-z])(?:nom(?:inal)?|soll|theo\w*|cad|design|target)(?![a-z])")
+"""Words of columns that have what a drawing states, beside what was measured."""
 _PAIR = re.compile(r"([^\W\d_]+)/([^\W\d_]+)$")
 """Units of places and heights in one name, as of Dektak's `Raw_Micrometer/Angstrom`."""
 
@@ -49,6 +58,8 @@ class ColumnUnits:
         Whether the heights' own column states its unit.
     no_length : str
         What stands in its brackets and is no length.
+    across : float
+        Metres in one unit of y.
     """
 
     word: str = ""
@@ -57,6 +68,7 @@ class ColumnUnits:
     of_places: str = ""
     of_heights: bool = False
     no_length: str = ""
+    across: float = 1.0
 
 
 def names_of(table: TextTable) -> tuple[str, ...] | None:
@@ -79,6 +91,16 @@ def columns_of_heights(values: Array, names: Sequence[str] | None) -> tuple[int,
     rows, count = values.shape
     if count == 1 or rows < 3:
         return None
+    found = _points_or_profile(values, names)
+    if found is None or len(found) == 2:
+        return found
+    flat = [np.ptp(values[:, at]) == 0.0 for at in found[:2]]
+    # A profile whose y, or x, is the same everywhere.
+    return found if flat[0] == flat[1] else (found[int(flat[0])], found[2])
+
+
+def _points_or_profile(values: Array, names: Sequence[str] | None) -> tuple[int, ...] | None:
+    count = values.shape[1]
     named = _by_names(names, count) if names is not None else None
     if named is not None and len(named) == 2 and count == 3 and not _grows(values[:, named[0]]):
         # Names of x and y, and of something else: points, for the places of a profile grow.
@@ -99,9 +121,13 @@ def _grows(places: Array) -> bool:
 
 def _by_names(names: Sequence[str], count: int) -> tuple[int, ...] | None:
     """Return the columns that names call x, y and z, row, column and height, or x and height."""
+    measured = ["" if _NOMINAL.search(name) else name for name in names]
+    if measured != [*names] and (chosen := _by_names(measured, count)) is not None:
+        return chosen
     found: dict[str, int] = {}
     for at, name in enumerate(names):
-        axis = _AXIS.fullmatch(re.sub(r"[\[(].*?[\])]", "", name).strip())
+        bare = re.sub(r"[\[(].*?[\])]", "", name).strip()
+        axis = _AXIS.fullmatch(_COMPASS.get(bare.casefold(), bare))
         key = axis.group(1).lower() if axis else ("z" if _HEIGHTS.search(name) else "")
         found.setdefault(key, at)
     row, column = (next(filter(of.fullmatch, names), None) for of in (_ROW, _COLUMN))
@@ -139,6 +165,22 @@ def are_numbered(names: Sequence[str] | None, columns: tuple[int, ...]) -> bool:
     return bool(names and len(columns) == 3 and _COLUMN.fullmatch(names[columns[0]]))
 
 
+def are_on_the_globe(names: Sequence[str] | None, columns: tuple[int, ...]) -> bool:
+    """Return whether places are latitude and longitude, which are angles."""
+    return bool(names and all(_GLOBE.search(names[at]) for at in columns[:2]))
+
+
+def are_counted(names: Sequence[str] | None, columns: tuple[int, ...]) -> bool:
+    """Return whether places are numbers of samples, or in what is no length, as their names say."""
+    if not names:
+        return False
+    name = names[columns[0]].strip()
+    other = _BRACKET.search(name)
+    return named_unit(name, LENGTHS) is None and (
+        other is not None or _COUNTED.fullmatch(name) is not None
+    )
+
+
 def units_of(names: Sequence[str] | None, columns: tuple[int, ...]) -> ColumnUnits:
     """Return the units that the names of points, or of a profile, state."""
     if not names:
@@ -155,6 +197,8 @@ def units_of(names: Sequence[str] | None, columns: tuple[int, ...]) -> ColumnUni
         if metres and length_of(pair.group(2)):
             of_places, lateral = pair.group(1), metres
     other = None if stated[-1] else _BRACKET.search(heights)
+    across = stated[1][1] if len(columns) == 3 and stated[1] else lateral
     return ColumnUnits(
-        word, scale, lateral, of_places, stated[-1] is not None, other.group(1) if other else ""
-    )
+        word, scale, lateral, of_places, stated[-1] is not None, other.group(1) if other else "",
+        across,
+    )  # fmt: skip

@@ -7,10 +7,13 @@ or white space.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
+from asperity._core.text_form import is_heading, is_number
 from asperity._core.units import LENGTHS, length_of, named_unit
 
 _LABELS = {
@@ -33,7 +36,7 @@ _LABELS = {
         cell size; xy calibration; lateral resolution; lateral sampling; pixel width and height;
         taille de pixel; taille du pixel; sampling interval; sample spacing; tamaño de píxel;
         sampling; sampling distance; point spacing; pixelabstand; punktabstand;
-        dimensione pixel; grid spacing; pixel pitch;
+        dimensione pixel; grid spacing; pixel pitch; pitch; spacing; step size;
         xy-kalibrierung; calibrage xy; étalonnage xy; lateral calibration;
         resolution xy; xy resolution; xyキャリブレーション; xy校准; xy标定""",
     "pixel_x": """pixel size x; x pixel size; x-pixel size; dx; x step; x spacing; x increment;
@@ -136,7 +139,17 @@ def read_header(
     found, lengths, units = _findings(lines)
     notes: list[str] = []
     width, height = found.get("width"), found.get("height")
-    if width is None and height is None and "pixel" not in found and len(lengths) == 2:
+    if (width is None) != (height is None) and "pixel" not in found and len(lengths) == 2:
+        # The width of a scan may be across its length: of both orders the one of square pixels.
+        (a, u), (b, v) = lengths
+        ratio = (u / shape[1]) / (v / shape[0])
+        turned = (v / shape[1]) / (u / shape[0])
+        if abs(math.log(turned)) < abs(math.log(ratio)):
+            (a, u), (b, v), ratio = *lengths[::-1], turned
+        if 1.0 / _UNEQUAL < ratio < _UNEQUAL:
+            width, height = u, v
+            notes.append(f"{a!r} and {b!r} are taken for width and height of the map")
+    elif width is None and height is None and "pixel" not in found and len(lengths) == 2:
         (a, u), (b, v) = lengths
         ratio = (u / shape[1]) / (v / shape[0])
         if u == v and shape[0] != shape[1]:
@@ -172,7 +185,9 @@ def _findings(
     units: tuple[str, float | None] | None = None
     for label, text in _pairs(lines):
         bare = " ".join(re.sub(r"\[.*?\]|(?<!-> m)\(.*?\)$", "", label.casefold()).split())
-        meaning = _MEANING.get(label.casefold()) or _MEANING.get(bare)
+        named = named_unit(label, LENGTHS)
+        plain = bare.removesuffix(named[0].casefold() if named else "").replace("_", " ").strip()
+        meaning = next(filter(None, map(_MEANING.get, (label.casefold(), bare, plain))), None)
         two = _two_lengths(label, text) if meaning in ("width", "pixel") or bare in _WHOLE else None
         if two is not None:
             keys = ("pixel_x", "pixel_y") if meaning == "pixel" else ("width", "height")
@@ -187,7 +202,6 @@ def _findings(
         word, _, each = (value.group(2) or "").strip("[]() ").partition("/")
         if each and not _SAMPLE.match(each.strip()):
             continue  # a speed
-        named = named_unit(label, LENGTHS)
         metres = length_of(word) if word else (named[1] if named else None)
         if meaning == "unit" and metres is not None:
             units = (text, number * metres)
@@ -236,6 +250,10 @@ def _two_lengths(label: str, text: str) -> tuple[float, float] | None:
 
 
 def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
+    for line, below in pairwise(lines):
+        names, values = (re.split(r"\s*[\t,;]\s*", one.strip()) for one in (line, below))
+        if 1 < len(names) == len(values) and is_heading(line) and all(map(is_number, values)):
+            yield from zip(names, values, strict=True)
     for line in lines:
         bare = line.replace('"', "").rstrip(" ,;\t")  # spreadsheets fill lines with empty cells
         line = _POWER.sub(lambda m: f"{m.group(1) or 1}e{m.group(2)} ", bare)

@@ -1,10 +1,11 @@
-"""The scale that a TIFF states: pixel size as ImageJ, OME and GeoTIFF write it, values as GDAL."""
+"""The scale that a TIFF states, of pixels and values: by ImageJ, OME, GeoTIFF and GDAL."""
 
 from __future__ import annotations
 
+import html
 import math
 import re
-from typing import Any
+from typing import Any, NamedTuple
 
 from asperity._core.units import length_of
 
@@ -15,6 +16,17 @@ _GDAL = 42112
 _MODEL_TYPE, _PROJECTED, _LINEAR_UNIT = 1024, 1, 3076
 _LINEAR = {None: 1.0, 9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0, 9036: 1000.0}
 """Metres in a unit of a projection, by EPSG's number; without one it is metres."""
+
+
+class ValueScale(NamedTuple):
+    """Values are `factor` times what is stored, plus `offset`."""
+
+    factor: float
+    offset: float
+    unit: str
+    """"" where none is stated."""
+    by: str
+    """Which program's words state it."""
 
 
 def tiff_pixel_size(file: Any) -> tuple[float, float] | None:
@@ -31,13 +43,21 @@ def tiff_pixel_size(file: Any) -> tuple[float, float] | None:
 
 
 def _imagej(file: Any) -> tuple[float, float] | None:
-    unit = (file.imagej_metadata or {}).get("unit")
-    metres = length_of(str(unit).replace("\\u00B5", "µ")) if unit else None
-    if metres is None:
+    head = file.imagej_metadata or {}
+    unit = _imagej_unit(head, "unit")
+    units = length_of(unit), length_of(_imagej_unit(head, "yunit") or unit)
+    if None in units:
         return None
     counts = [file.pages[0].tags[tag].value for tag in RESOLUTIONS]
-    pu, pv = (metres * below / above for above, below in counts)
+    pu, pv = (
+        (metres or 0.0) * below / above
+        for metres, (above, below) in zip(units, counts, strict=True)
+    )
     return pu, pv
+
+
+def _imagej_unit(head: dict[str, Any], key: str) -> str:
+    return str(head.get(key, "")).replace("\\u00B5", "µ")
 
 
 def _ome(file: Any) -> tuple[float, float] | None:
@@ -48,7 +68,8 @@ def _ome(file: Any) -> tuple[float, float] | None:
     for axis in "XY":
         size = re.search(rf'PhysicalSize{axis}="([^"]+)"', text)
         unit = re.search(rf'PhysicalSize{axis}Unit="([^"]+)"', text)
-        metres = length_of(unit.group(1)) if unit else 1e-6  # the schema's default
+        word = html.unescape(unit.group(1)) if unit else "um"  # the schema's default
+        metres = length_of(word)
         if size is None or metres is None:
             return None
         sizes.append(float(size.group(1)) * metres)
@@ -65,9 +86,43 @@ def _geotiff(file: Any) -> tuple[float, float] | None:
     if entries.get(_MODEL_TYPE) != _PROJECTED or metres is None:
         return None  # degrees, or another unit
     if scale is not None:
-        return float(scale.value[0]) * metres, float(scale.value[1]) * metres
+        return float(scale.value[0]) * metres, abs(float(scale.value[1])) * metres
     rows = [turned.value[k : k + 2] for k in (0, 4)]  # a rotation, and the sides of a pixel
     return math.hypot(rows[0][0], rows[1][0]) * metres, math.hypot(*(r[1] for r in rows)) * metres
+
+
+def is_south_up(file: Any) -> bool:
+    """Return whether the rows of a GeoTIFF go from the south to the north."""
+    tags = file.pages[0].tags
+    scale, turned = tags.get(_PIXEL_SCALE), tags.get(_TRANSFORM)
+    if tags.get(_GEO_KEYS) is None:
+        return False
+    try:
+        if scale is not None:
+            return float(scale.value[1]) < 0.0
+        across, _, _, _, _, up = (float(x) for x in turned.value[:6])
+    except (AttributeError, TypeError, ValueError):
+        return False
+    return across > 0.0 and up > 0.0
+
+
+def value_scale(file: Any) -> ValueScale | None:
+    """Return what the values of an open TIFF's first channel are, None if it does not state it."""
+    page = file.pages[0]
+    stated, unit = _gdal_scale(page), _gdal_unit(page)
+    if stated is not None or unit:
+        return ValueScale(*(stated or (1.0, 0.0)), unit, "GDAL")
+    head = file.imagej_metadata or {}
+    unit = _imagej_unit(head, "vunit")
+    unit = "" if unit.casefold() in ("", "gray value", "<none>") else unit
+    try:
+        offset, factor = (float(head[key]) for key in ("c0", "c1"))
+        straight = int(head.get("cf", -1)) == 0 and "c2" not in head
+    except (KeyError, TypeError, ValueError):
+        return ValueScale(1.0, 0.0, unit, "ImageJ") if unit and "cf" not in head else None
+    if not straight or factor == 0.0 or not math.isfinite(offset + factor):
+        return None
+    return ValueScale(factor, offset, unit, "ImageJ")
 
 
 def _gdal(page: Any) -> str:
@@ -78,13 +133,13 @@ def _gdal(page: Any) -> str:
     return tag.value.decode("utf-8", "replace") if isinstance(tag.value, bytes) else str(tag.value)
 
 
-def gdal_unit(page: Any) -> str:
+def _gdal_unit(page: Any) -> str:
     """Return the unit of the first channel's values as GDAL states it, "" if it states none."""
     found = re.search(r"<Item\b[^>]*name=\"UNITTYPE\"[^>]*>([^<]+)</Item>", _gdal(page))
     return found.group(1).strip() if found else ""
 
 
-def gdal_scale(page: Any) -> tuple[float, float] | None:
+def _gdal_scale(page: Any) -> tuple[float, float] | None:
     """Return factor and offset of the first channel's values as GDAL states them, else None."""
     text = _gdal(page)
     if not text:
