@@ -29,7 +29,7 @@ from asperity.contact.manifold.overlap_region import (
 )
 from asperity.contact.manifold.properties import least_scale
 from asperity.contact.manifold.records import MAX_DIRECTIONS, MAX_PARTS, MAX_PATCHES
-from asperity.contact.manifold.residual import fill_residuals, is_narrow
+from asperity.contact.manifold.residual import fill_residuals
 from asperity.contact.manifold.separation import LONGEST
 from asperity.contact.narrow_phase.geom_depth import SearchLimits, frame_round
 from asperity.contact.narrow_phase.load import scale_of
@@ -311,14 +311,6 @@ def _is_independent(table, query, count, c, space):
 
 
 @inner_kernel
-def is_flat(sums):
-    """Return whether all facet normals of a direction are equal."""
-    n = sums.normal
-    square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
-    return square >= (1.0 - 1e-13) * sums.volume * sums.volume
-
-
-@inner_kernel
 def search_directions(model, parameters, query, count, memory, space, workspace):
     """Fill depths and residuals of all directions that count; return their number.
 
@@ -351,14 +343,11 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
     while d >= 0:
         direction = space.directions[d]
         direction.visited = 1
-        most, sums = math.inf, space.region.sums[d]
-        deepest = sums.deepest
+        most, deepest = math.inf, space.region.sums[d].deepest
         if searched > 0 and _is_resolved_by_each(table, query, count, d, space):
             # A region cut off at the limit need not be searched: see `mesh_manifold`.
             most = RATIO * (LONGEST if deepest < query.limit else 1.0) * least
-        # Only among parallel facets is the overlap along their normals that along the mean normal.
         is_near = deepest - query.lowered <= most / soft
-        is_near = is_near or not (is_flat(sums) or is_narrow(sums, query.raised))
         if is_near:
             fill_mean_normal(table, count, d, space.region, direction.normal)
             is_near = not _is_redundant(table, query, count, d, space)

@@ -34,7 +34,7 @@ from asperity.contact.broad_phase.facet_pairs import (
     relative_transform,
 )
 from asperity.contact.broad_phase.neighbour_list import RelativePose, neighbour_pairs
-from asperity.contact.manifold.directions import integrate_regions, is_flat, search_directions
+from asperity.contact.manifold.directions import integrate_regions, search_directions
 from asperity.contact.manifold.mean_normal import add_normal_rates
 from asperity.contact.manifold.overlap_region import clip_piece
 from asperity.contact.manifold.polyhedron_manifold import (
@@ -315,12 +315,20 @@ def _has_rest(space):
         direction = space.directions[d]
         if direction.patches == 0:
             continue
-        if direction.volume_rate != 0.0 or not is_flat(space.region.sums[d]):
+        if direction.volume_rate != 0.0 or not _is_flat(space.region.sums[d]):
             return True
         for c in range(DIRECTIONS):
             if space.residuals.rate[d, c] != 0.0:
                 return True
     return False
+
+
+@inner_kernel
+def _is_flat(sums):
+    """Return whether all facet normals of a direction are equal."""
+    n = sums.normal
+    square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
+    return square >= (1.0 - 1e-13) * sums.volume * sums.volume
 
 
 @inner_kernel
@@ -336,7 +344,7 @@ def _add_rest(table, query, count, parameters, way_out, space, rest_io):
     for i in range(count):
         rates[i] = 0.0
     for d in range(DIRECTIONS):
-        if space.directions[d].patches > 0 and not is_flat(region.sums[d]):
+        if space.directions[d].patches > 0 and not _is_flat(region.sums[d]):
             add_normal_rates(table, count, d, region, space.directions[d].turn, rates)
     if properties_vary(table, query) and not has_map(table, query):
         stiffness = space.stiffness[query.body]

@@ -151,12 +151,6 @@ def _classify_pair(table, f, g, leaving, region):
 
 
 @inner_kernel
-def is_narrow(sums, reach):
-    """Return whether a region is so narrow for its depth that it leaves no residual."""
-    return _width(sums, reach) <= 0.0
-
-
-@inner_kernel
 def _width(sums, reach):
     """Return a region's width relative to its depth: up to 0 is narrow, from 1 on wide."""
     return (sums.volume / (sums.deepest + reach) ** 3 - _NARROW) / (_WIDE - _NARROW)
