@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from asperity._core.data import table_beside
 from asperity._core.digits import plain_number, telling
 from asperity.runs.vibration_metrics import METRICS
 from asperity.studies.otaduy_lin_2004.claims import (
@@ -16,26 +17,7 @@ from asperity.studies.otaduy_lin_2004.claims import (
 
 _METRIC = "of the metric"
 """In place of a unit: that of the claim's metric."""
-_SHOWN: dict[str, tuple[str, float, str]] = {
-    "diameter": ("probe diameter", 1e3, "mm"),
-    "normal_force": ("normal force", 1.0, "N"),
-    "speed": ("speed", 1e3, "mm/s"),
-    "r_squared": ("R²", 1.0, ""),
-    "fitted_peak_mm": ("peak of the parabola at a spacing of", 1.0, "mm"),
-    "fitted_peak_error_mm": ("standard error", 1.0, "mm"),
-    "peak_mm": ("peak of the curve at", 1.0, "mm"),
-    "bias_of_fitted_peak": ("bias", 100.0, "%"),
-    "peak_spacing_mm": ("peak at a spacing of", 1.0, "mm"),
-    "peak_uncertainty_mm": ("uncertainty", 1.0, "mm"),
-    "peak_value": ("height of the peak", 1.0, _METRIC),
-    "ratio": ("ratio", 1.0, ""),
-    "spread": ("spread", 100.0, "%"),
-    "smallest_ratio_between_levels": ("least ratio between levels", 1.0, ""),
-    "shift": ("shift", 100.0, "%"),
-    "value": ("value", 1.0, _METRIC),
-    "median_spread": ("median spread", 100.0, "%"),
-    "largest_spread": ("largest spread", 100.0, "%"),
-}
+_SHOWN: dict[str, tuple[str, float, str]] = table_beside(__file__, "claims_table.toml")
 """Measured number of a claim -> its name, its scale from SI units, and its unit; no unit: a
 ratio."""
 
