@@ -55,8 +55,7 @@ class AnalyseCommand:
         """Analyse, write, and print the main numbers."""
         from asperity._core.output import result_folder
         from asperity.cli.progress import progress_bars
-        from asperity.psychophysics.analysis.analysis import analyse
-        from asperity.psychophysics.analysis.conditions import analyse_conditions
+        from asperity.psychophysics.analysis.analysis import analyse, analyse_conditions
         from asperity.psychophysics.analysis.psychometric import FUNCTIONS
         from asperity.psychophysics.analysis.results import read_conditions
         from asperity.psychophysics.analysis.thresholds import AnalysisOptions
