@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from asperity._core.data import table_beside
+
 _GRAINS = {"P40": 425e-6, "P60": 269e-6, "P80": 201e-6, "P120": 125e-6, "P180": 82e-6,
            "P240": 58.5e-6}  # fmt: skip
 """Mean diameters of the grains, FEPA 43-1 [m]."""
@@ -22,17 +24,6 @@ def _sandpaper(grain: float) -> dict[str, Any]:
 
 SURFACES: dict[str, dict[str, Any]] = {
     **{f"sandpaper {name}": _sandpaper(grain) for name, grain in _GRAINS.items()},
-    "brushed steel": {
-        "kind": "brushed", "size": 0.0128, "pixel_size": 5e-5, "rms": 4e-6, "length": 3e-3,
-        "width": 3.2e-4,
-    },
-    "wood": {
-        "kind": "brushed", "size": 0.0256, "pixel_size": 1e-4, "rms": 1.8e-5, "length": 1.2e-2,
-        "width": 8e-4,
-    },
-    "woven cloth": {"kind": "sin_product", "wavelength": 1.2e-3, "amplitude": 8e-5},
-    "dots 2 mm": {"kind": "jittered_dots", "pitch": 2e-3, "height": 4e-4, "diameter": 8e-4},
-    "grating 1 mm": {"kind": "grating", "pitch": 1e-3, "height": 2e-4},
-    "grating 2.5 mm": {"kind": "grating", "pitch": 2.5e-3, "height": 4e-4},
-}  # fmt: skip
+    **table_beside(__file__, "surfaces.toml"),
+}
 """Texture tables by name. They resemble these surfaces; none has been measured."""

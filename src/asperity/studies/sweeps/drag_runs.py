@@ -8,32 +8,16 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from asperity._core.data import table_beside
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError, require_between, require_choice
 from asperity.runs.vibration_metrics import DEFAULT_BAND, METRICS
 from asperity.scene.document import arguments, beside, require_keys
 from asperity.studies.otaduy_lin_2004.drags import MODELS, Condition, DragSimulator
 from asperity.studies.otaduy_lin_2004.stimuli import SURFACES, StimulusOptions
-from asperity.studies.sweeps.content import nest, seed_of
-from asperity.studies.sweeps.study import Runner
+from asperity.studies.sweeps.study import Runner, nest, seed_of
 
-_RANGES = {
-    "spacing": (5e-5, 2e-2, "m"),
-    "diameter": (5e-5, 5e-2, "m"),
-    "normal_force": (1e-3, 100.0, "N"),
-    "speed": (1e-4, 10.0, "m/s"),
-    "hand.mass": (1e-3, 10.0, "kg"),
-    "hand.stiffness": (10.0, 1e5, "N/m"),
-    "hand.damping": (0.01, 100.0, "N s/m"),
-    "stimulus.amplitude": (1e-7, 1e-2, "m"),
-    "stimulus.element_height": (1e-6, 1e-2, "m"),
-    "stimulus.element_width": (1e-6, 2e-2, "m"),
-    "stimulus.flank": (0.0, 2e-2, "m"),
-    "stimulus.jitter": (0.0, 1.0, ""),
-    "stimulus.hurst": (0.0, 1.0, ""),
-    "stimulus.rms_slope": (1e-3, 10.0, ""),
-    "stimulus.height_range": (1e-7, 1e-2, "m"),
-}
+_RANGES = table_beside(__file__, "parameters.toml")["drag"]["ranges"]
 """Valid ranges, as of the options of `asperity study`; values outside have the wrong unit."""
 _RANDOM = ("dots", "self-affine")
 """Surfaces that have a seed."""

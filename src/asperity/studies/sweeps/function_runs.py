@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from asperity.errors import AsperityError
-from asperity.studies.sweeps.content import hash_content
-from asperity.studies.sweeps.study import Runner
+from asperity.studies.sweeps.study import Runner, hash_content
 
 KEYS: tuple[str, ...] = ()
 INNER: tuple[str, ...] = ()

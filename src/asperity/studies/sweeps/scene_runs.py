@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from asperity._core.data import table_beside
 from asperity.contact.response.settings import ForceSettings
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.dynamics.virtual_coupling.settings import CouplingSettings
@@ -23,8 +24,7 @@ from asperity.scene.scene import Scene
 from asperity.scene.sections import ANTI_ALIAS_MODES
 from asperity.scene.texture import body_texture, with_seed
 from asperity.scene.trajectory import ScriptedMotion
-from asperity.studies.sweeps.content import flatten, hash_content, nest, seed_of
-from asperity.studies.sweeps.study import Runner
+from asperity.studies.sweeps.study import Runner, flatten, hash_content, nest, seed_of
 
 INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
 """Prefixes of parameters that leave the bodies of the scene as they are."""
@@ -66,43 +66,11 @@ KEYS = (
     ),
 )
 """Valid keys; those under `bodies` depend on the scene."""
-_UNITS = {
-    "dt": "s", "repeat": "1", "stiffness": "N/m", "bristle_stiffness": "N/m", "damping": "N s/m",
-    "mass": "kg", "mass_scale": "1",
-    "rotational_stiffness": "N m/rad", "rotational_damping": "N m s/rad",
-    "friction": "1", "dissipation": "s/m", "seconds": "s", "speed": "m/s", "length": "m",
-    "direction": "rad",
-    "radius": "m", "turning": "rad/s", "press_force": "N", "press_depth": "m", "ramp": "s",
-    "start": "m", "step": "m", "lever": "m", "window": "m", "softness": "m", "soft_area": "m^2",
-    "ho_gain": "1", "noise_level": "1", "noise_bandwidth": "Hz", "tolerance": "m",
-    "patch_radius": "m", "edge_fade": "m", "grid": "1", "max_nodes": "1", "seed": "1",
-    "wavelength": "m", "amplitude": "m", "pitch": "m", "height": "m", "width": "m",
-    "diameter": "m", "depth": "m", "fillet": "m", "height_range": "m", "pixel_size": "m",
-    "jitter": "1", "hurst": "1", "rms_slope": "1", "rms": "m", "offset": "m",
-}  # fmt: skip
+_TABLES = table_beside(__file__, "parameters.toml")["scene"]
+_UNITS: dict[str, str] = _TABLES["units"]
+"""Of the last part of a key."""
 
-NUMBERS: dict[str, tuple[str, str]] = {
-    "mean_force_n": ("N", "size of the mean contact force"),
-    "largest_force_n": ("N", "largest contact force"),
-    "largest_torque_n_m": ("N m", "largest contact torque"),
-    "vibration_rms_n": ("N", "RMS of the contact force about its mean"),
-    "band_rms_n": ("N", "RMS of the contact force in 20-200 Hz"),
-    "ticks": ("1", "ticks"),
-    "contacts.ticks_in_contact": ("1", "ticks in contact"),
-    "contacts.mean": ("1", "mean number of contacts"),
-    "contacts.largest": ("1", "largest number of contacts"),
-    "status.certified": ("1", "certified depths"),
-    "status.budget_spent": ("1", "depths with their budget spent"),
-    "status.overflow": ("1", "overflows"),
-    "anti_alias.ticks_active": ("1", "ticks with texture averaged"),
-    "anti_alias.ticks_beyond_budget": ("1", "ticks that needed more sub-poses"),
-    "anti_alias.ticks_too_fast_and_off": ("1", "ticks with texture faster than the tick"),
-    "coupling.tool_put_back": ("1", "times that the tool was put back"),
-    "hand.energy_j": ("J", "energy into the hand"),
-    "hand.gained_j": ("J", "energy gained at the hand"),
-    "hand.interventions": ("1", "interventions of the passivity controller"),
-    "hand.dissipated_j": ("J", "energy dissipated by the controller"),
-}
+NUMBERS = {name: (unit, label) for name, (unit, label) in _TABLES["numbers"].items()}
 """What can be kept of a run: name -> (unit, label). No times, because they do not repeat."""
 DEFAULT_KEEP = (
     "mean_force_n", "largest_force_n", "largest_torque_n_m", "vibration_rms_n", "band_rms_n",
