@@ -20,12 +20,3 @@ def catch_summary(results: Sequence[SessionResult]) -> list[dict[str, Any]]:
         }
         for result in results if result.catch
     ]  # fmt: skip
-
-
-def catch_lines(sessions: Sequence[dict[str, Any]]) -> list[str]:
-    """Return a line for each session with catch trials."""
-    return [
-        f"{one['session']}: {one['right']} of {one['trials']} catch trials right"
-        + ("; LOOK AT THIS SESSION" if one["right"] < ENOUGH * one["trials"] else "")
-        for one in sessions
-    ]
