@@ -18,7 +18,7 @@ from asperity.psychophysics.analysis.adjustments import (
 )
 from asperity.psychophysics.analysis.catch_trials import catch_summary
 from asperity.psychophysics.analysis.detection import analyse_detection, detection_rows
-from asperity.psychophysics.analysis.group import Group, compare, group
+from asperity.psychophysics.analysis.group import Group, compare, group, plain
 from asperity.psychophysics.analysis.magnitudes import Magnitudes, analyse_magnitudes
 from asperity.psychophysics.analysis.methods import methods_text
 from asperity.psychophysics.analysis.results import SessionResult
@@ -98,24 +98,20 @@ def magnitudes_summary(found: Magnitudes) -> dict[str, Any]:
         }  # fmt: skip
     exponent = None
     if found.exponent is not None:
-        exponent = dict(zip(("slope", "low", "high"), _plain(found.exponent), strict=True))
+        exponent = dict(zip(("slope", "low", "high"), plain(found.exponent), strict=True))
     return {
-        "stimuli": list(found.names), "values": _plain(found.values), "mean": _plain(found.mean),
-        "low": _plain(found.low), "high": _plain(found.high),
+        "stimuli": list(found.names), "values": plain(found.values), "mean": plain(found.mean),
+        "low": plain(found.low), "high": plain(found.high),
         "by_session": {
-            name: _plain(row)
+            name: plain(row)
             for name, row in zip(found.sessions, found.by_session, strict=True)
         },
         "quadratic": quadratic, "power_law": exponent,
         "exponents": {
-            name: dict(zip(("exponent", "exponent_low", "exponent_high"), _plain(one), strict=True))
+            name: dict(zip(("exponent", "exponent_low", "exponent_high"), plain(one), strict=True))
             for name, one in found.exponents.items()
         },
     }  # fmt: skip
-
-
-def _plain(values: Any) -> list[float | None]:
-    return [float(v) if np.isfinite(v) else None for v in values]
 
 
 def analyse(
