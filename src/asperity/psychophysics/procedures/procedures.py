@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -266,20 +266,22 @@ def quest_plus(design: ExperimentDesign) -> QuestPlus:
 
 def interval_with_most(values: Sequence[float], settings: ForcedChoiceSettings) -> int | None:
     """Return the interval, from 1, whose value has more than all others; None if none has."""
-    for i, value in enumerate(values):
-        others = [*values[:i], *values[i + 1 :]]
-        if all(settings.has_more(value, other) for other in others):
-            return i + 1
-    return None
+    return next((
+        i for i, (value, others) in enumerate(_each_and_others(values), 1)
+        if all(settings.has_more(value, other) for other in others)
+    ), None)  # fmt: skip
+
+
+def _each_and_others(values: Sequence[float]) -> Iterator[tuple[float, list[float]]]:
+    return ((value, [*values[:i], *values[i + 1 :]]) for i, value in enumerate(values))
 
 
 def odd_interval(values: Sequence[float]) -> int | None:
     """Return the interval, from 1, that differs from two equal ones; None if none does."""
-    for i, value in enumerate(values):
-        others = [*values[:i], *values[i + 1 :]]
-        if len(set(others)) == 1 and value not in others:
-            return i + 1
-    return None
+    return next((
+        i for i, (value, others) in enumerate(_each_and_others(values), 1)
+        if len(set(others)) == 1 and value not in others
+    ), None)  # fmt: skip
 
 
 Trials = Generator[Trial, Answer, None]

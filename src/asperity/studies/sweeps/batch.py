@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from asperity import __version__
 from asperity.errors import AsperityError
-from asperity.studies.sweeps.study import runner
+from asperity.studies.sweeps.study import kind_of
 
 WAITING, DONE, FAILED = 0, 1, 2
 """States of a combination."""
@@ -124,7 +124,7 @@ def run_batch(batch: Batch) -> BatchOutcome:
             "install the same everywhere"
         )
     count = len(next(iter(batch.columns.values())))
-    runs = runner(batch.kind, batch.fixed, Path(batch.folder), batch.seed)
+    runs = kind_of(batch.kind)(batch.fixed, Path(batch.folder), batch.seed)
     values = np.full((count, len(batch.keep) + len(batch.more)), np.nan)
     states = np.full(count, DONE, np.int8)
     errors = [""] * count

@@ -21,10 +21,10 @@ _RANGES = table_beside(__file__, "parameters.toml")["drag"]["ranges"]
 """Valid ranges, as of the options of `asperity study`; values outside have the wrong unit."""
 _RANDOM = ("dots", "self-affine")
 """Surfaces that have a seed."""
-INNER = ("normal_force", "speed", "hand.", "band")
+_INNER = ("normal_force", "speed", "hand.", "band")
 """Prefixes of parameters that leave the slope table as it is, so that neighbours share it."""
-WHOLE = ("repeat", "stimulus.seed")
-BATCH = (16, 1024)
+_WHOLE = ("repeat", "stimulus.seed")
+_BATCH = (16, 1024)
 """Least and largest number of combinations in a block; each takes about a millisecond."""
 _UNITS = {"band": "Hz", "repeat": "1", "stimulus.seed": "1"}
 _LABELS = {
@@ -57,14 +57,14 @@ class DragCombination:
 
 
 _PARTS: dict[str, Any] = {"stimulus": StimulusOptions, "hand": Hand}
-KEYS = (
+_KEYS = (
     *(f.name for f in fields(DragCombination) if f.name not in _PARTS),
     *(f"{part}.{f.name}" for part, of in _PARTS.items() for f in fields(of)),
 )
 
 
 def drag_of(values: Mapping[str, Any]) -> DragCombination:
-    """Return the drag described by checked values with dotted keys."""
+    """Return the drag described by _checked values with dotted keys."""
     parts = {name: value for name, value in nest(values).items() if name not in _PARTS}
     for part, makes in _PARTS.items():
         parts[part] = makes(
@@ -73,9 +73,9 @@ def drag_of(values: Mapping[str, Any]) -> DragCombination:
     return DragCombination(**parts)
 
 
-def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
+def _checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
     """Return values with dotted keys in the types of their parameters; refuse invalid ones."""
-    require_keys(values, where, KEYS)
+    require_keys(values, where, _KEYS)
     out: dict[str, Any] = {}
     for key, value in values.items():
         part, dot, name = key.partition(".")
@@ -106,37 +106,36 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
     return out
 
 
-def check_together(
-    keep: Sequence[str], fixed: Mapping[str, Any], varied: Mapping[str, Sequence[Any]],
-    folder: Path,
-) -> None:  # fmt: skip
-    """Accept all: any parameters of a drag fit together."""
-
-
-def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
+def _files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
     """Return the files that parameters, key -> values, name: name -> path."""
     names = [name for name in columns.get("surface", ()) if name not in SURFACES]
     return {name: beside(folder, name) for name in names}
 
 
-def unit_and_label(key: str) -> tuple[str, str]:
+def _unit_and_label(key: str) -> tuple[str, str]:
     """Return the unit of a parameter ("1": none, "": a text), and its axis label."""
     unit = _UNITS.get(key, "") if key not in _RANGES else _RANGES[key][2] or "1"
     label = key.replace("stimulus.", "").replace(".", " ").replace("_", " ")
     return unit, _LABELS.get(key, label)
 
 
-NUMBERS: dict[str, tuple[str, str]] = {
+_NUMBERS: dict[str, tuple[str, str]] = {
     **{name: (metric.unit, metric.label) for name, metric in METRICS.items()},
     "motion_status": ("1", "0 periodic, 1 subharmonic, 2 does not repeat"),
 }
 """What can be kept of a drag: name -> (unit, label)."""
-DEFAULT_KEEP = tuple(NUMBERS)
+_DEFAULT_KEEP = tuple(_NUMBERS)
 
 
 @dataclass
 class DragRuns(Runner):
     """Runs combinations of a study of drags; surfaces and slope tables are shared between them."""
+
+    KEYS, INNER, WHOLE, BATCH = _KEYS, _INNER, _WHOLE, _BATCH
+    NUMBERS, DEFAULT_KEEP = _NUMBERS, _DEFAULT_KEEP
+    checked = staticmethod(_checked)
+    files_of = staticmethod(_files_of)
+    unit_and_label = staticmethod(_unit_and_label)
 
     _simulators: dict[tuple[Any, ...], DragSimulator] = field(default_factory=dict, init=False)
 
@@ -185,6 +184,3 @@ class DragRuns(Runner):
             return 0
         names = ("surface", "spacing", "stimulus", "repeat")
         return seed_of({name: parameters[name] for name in names}, self.seed)
-
-
-runner = DragRuns

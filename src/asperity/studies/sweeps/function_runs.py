@@ -4,43 +4,13 @@ from __future__ import annotations
 
 import inspect
 import pickle
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from asperity.errors import AsperityError
 from asperity.studies.sweeps.study import Runner, hash_content
-
-KEYS: tuple[str, ...] = ()
-INNER: tuple[str, ...] = ()
-WHOLE: tuple[str, ...] = ()
-BATCH = (1, 256)
-"""Least and largest number of combinations in a block; nothing is known of how long one takes."""
-NUMBERS: dict[str, tuple[str, str]] = {}
-DEFAULT_KEEP: tuple[str, ...] = ()
-
-
-def unit_and_label(key: str) -> tuple[str, str]:
-    """Return no unit, and the parameter's name as its label."""
-    return "", key
-
-
-def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
-    """Refuse: a study of a function has no TOML file."""
-    raise AsperityError('kind = "function" is for asperity.sweep(function, axes) in Python only')
-
-
-def check_together(
-    keep: Sequence[str], fixed: Mapping[str, Any], varied: Mapping[str, Sequence[Any]],
-    folder: Path,
-) -> None:  # fmt: skip
-    """Accept all: the function itself raises at what it cannot take."""
-
-
-def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
-    """Return no files."""
-    return {}
 
 
 def described(function: Callable[..., Any]) -> dict[str, str]:
@@ -84,7 +54,16 @@ def outputs(result: Any) -> dict[str, float]:
 class FunctionRuns(Runner):
     """Calls the function."""
 
+    BATCH = (1, 256)
+    """Nothing is known of how long a call takes."""
     _function: Callable[..., Any] | None = field(default=None, init=False)
+
+    @staticmethod
+    def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
+        """Refuse: a study of a function has no TOML file."""
+        raise AsperityError(
+            'kind = "function" is for asperity.sweep(function, axes) in Python only'
+        )
 
     def numbers(
         self, varied: Mapping[str, Any], keep: Sequence[str], more: Sequence[str] = ()
@@ -97,6 +76,3 @@ class FunctionRuns(Runner):
         if missing:
             raise AsperityError(f"the function returned no {missing[0]}")
         return [found[name] for name in keep]
-
-
-runner = FunctionRuns

@@ -26,10 +26,10 @@ from asperity.scene.texture import body_texture, with_seed
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.studies.sweeps.study import Runner, flatten, hash_content, nest, seed_of
 
-INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
+_INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
 """Prefixes of parameters that leave the bodies of the scene as they are."""
-WHOLE = ("repeat",)
-BATCH = (1, 4)
+_WHOLE = ("repeat",)
+_BATCH = (1, 4)
 """Least and largest number of combinations in a block; each takes seconds."""
 SEEDS = ("scene", "content")
 
@@ -55,7 +55,7 @@ _EXTRA = {"force": ("anti_alias",), "trajectory": ("file",), "coupling": ()}
 PROBE = "probe.diameter"
 """Diameter of the tip in the built-in scenes `PROBE_PLATES`."""
 _HAND = tuple(f"hand.{f.name}" for f in fields(Hand))
-KEYS = (
+_KEYS = (
     *_OWN,
     PROBE,
     *_HAND,
@@ -70,21 +70,21 @@ _TABLES = table_beside(__file__, "parameters.toml")["scene"]
 _UNITS: dict[str, str] = _TABLES["units"]
 """Of the last part of a key."""
 
-NUMBERS = {name: (unit, label) for name, (unit, label) in _TABLES["numbers"].items()}
+_NUMBERS = {name: (unit, label) for name, (unit, label) in _TABLES["numbers"].items()}
 """What can be kept of a run: name -> (unit, label). No times, because they do not repeat."""
-DEFAULT_KEEP = (
+_DEFAULT_KEEP = (
     "mean_force_n", "largest_force_n", "largest_torque_n_m", "vibration_rms_n", "band_rms_n",
     "contacts.mean", "status.certified", "status.budget_spent",
 )  # fmt: skip
 
 
-def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
+def _checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
     """Return values with dotted keys in the types of their parameters; refuse invalid ones.
 
-    Values under `bodies` are checked with their scene, in `check_together`.
+    Values under `bodies` are _checked with their scene, in `_check_together`.
     """
     plain = {k: v for k, v in values.items() if not k.startswith("bodies.")}
-    require_keys(plain, where, [*KEYS, "bodies.NAME.texture.KEY"])
+    require_keys(plain, where, [*_KEYS, "bodies.NAME.texture.KEY"])
     out = dict(values)
     for key, value in plain.items():
         section, dot, name = key.partition(".")
@@ -116,7 +116,7 @@ def _scene(name: str, folder: Path) -> Scene:
     return load_scene(str(path) if name not in SCENES and path.exists() else name)
 
 
-def check_together(
+def _check_together(
     keep: Sequence[str], fixed: Mapping[str, Any], varied: Mapping[str, Sequence[Any]],
     folder: Path,
 ) -> None:  # fmt: skip
@@ -178,7 +178,7 @@ def _texture(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> di
     return table
 
 
-def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
+def _files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
     """Return the files and folders that parameters, key -> values, name: name -> path.
 
     Files that a scene names are included, because they may be outside its folder.
@@ -194,7 +194,7 @@ def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Pa
     return out
 
 
-def unit_and_label(key: str) -> tuple[str, str]:
+def _unit_and_label(key: str) -> tuple[str, str]:
     """Return the unit of a parameter ("1": none, "": not known), and its axis label."""
     *path, name = key.split(".")
     place = path[1] if path[:1] == ["bodies"] else " ".join(path)
@@ -204,6 +204,13 @@ def unit_and_label(key: str) -> tuple[str, str]:
 @dataclass
 class SceneRuns(Runner):
     """Runs combinations of a study of scenes; neighbours share the scene's bodies."""
+
+    KEYS, INNER, WHOLE, BATCH = _KEYS, _INNER, _WHOLE, _BATCH
+    NUMBERS, DEFAULT_KEEP = _NUMBERS, _DEFAULT_KEEP
+    checked = staticmethod(_checked)
+    check_together = staticmethod(_check_together)
+    files_of = staticmethod(_files_of)
+    unit_and_label = staticmethod(_unit_and_label)
 
     _scenes: dict[str, Scene] = field(default_factory=dict, init=False)
 
@@ -283,6 +290,3 @@ def _force_numbers(run: Run) -> dict[str, float]:
         "vibration_rms_n": float(np.sqrt(np.mean(np.sum(about**2, axis=1)))),
         "band_rms_n": float(np.sqrt(power)),
     }
-
-
-runner = SceneRuns
