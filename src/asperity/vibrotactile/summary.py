@@ -76,13 +76,11 @@ def in_words(summary: dict[str, Any]) -> str:
     return render("model_words.txt", **summary).rstrip("\n")
 
 
-def stroking(
-    model: TextureModel, *, seconds: float = 4.0, strokes: float = 1.0
-) -> tuple[Array, Array]:
-    """Return speeds [m/s] and forces [N] of a hand that strokes to and fro, `strokes` a second.
+def stroking(model: TextureModel) -> tuple[Array, Array]:
+    """Return speeds [m/s] and forces [N] of a hand that strokes to and fro for 4 s, once a second.
 
     The speed is that of a sine that reaches the model's largest; the force half its largest.
     """
-    time = np.arange(int(seconds * model.rate)) / model.rate
-    speed = np.abs(np.sin(np.pi * strokes * time)) * float(model.speeds.max())
+    time = np.arange(int(4.0 * model.rate)) / model.rate
+    speed = np.abs(np.sin(np.pi * time)) * float(model.speeds.max())
     return speed, np.full(time.size, 0.5 * float(model.forces.max()))

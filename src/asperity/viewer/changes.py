@@ -102,12 +102,12 @@ def with_method(
     return replace(config, scene=config.scene.changed(force=force))
 
 
-def with_device(config: SessionConfig, name: str, rate: float | None = None) -> SessionConfig:
-    """Return a session with another device and rate; AsperityError if its package is missing."""
+def with_device(config: SessionConfig, name: str) -> SessionConfig:
+    """Return a session with another device; AsperityError if its package is missing."""
     entry = entry_of(name)
     if not is_installed(entry):
         raise AsperityError(f"{name} needs pip install 'asperity[{entry.extra}]'")
-    return replace(config, device=name, options={}, rate=config.rate if rate is None else rate)
+    return replace(config, device=name, options={})
 
 
 def scaled_texture(

@@ -37,6 +37,8 @@ TASKS = ("2afc", "3afc", "oddity")
 """The larger of two, the largest of three, the odd one out of three."""
 MOST_D_PRIME = 20.0
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(200)
+_LEAST = 10
+"""Trials that a level needs to be listed."""
 _REACH = 9.0
 """Of the normal deviate in integrals."""
 
@@ -149,7 +151,7 @@ def task_of(design: ExperimentDesign) -> str | None:
 
 
 def choice_summary(
-    result: SessionResult, function: Any, confidence: float, least: int = 10
+    result: SessionResult, function: Any, confidence: float
 ) -> dict[str, Any] | None:
     """Return d' by level, and the level where the fitted function has a d' of 1.
 
@@ -160,8 +162,6 @@ def choice_summary(
     function : Psychometric or None
         As it was fitted.
     confidence : float
-    least : int
-        Trials that a level needs to be listed.
 
     Returns
     -------
@@ -186,7 +186,7 @@ def choice_summary(
         "levels": [
             {"level": level, "trials": len(was), "right": sum(was),
              **_named("d_prime", choice_d_prime(sum(was), len(was), task, confidence))}
-            for level, was in sorted(by_level.items()) if len(was) >= least
+            for level, was in sorted(by_level.items()) if len(was) >= _LEAST
         ],
     }  # fmt: skip
 
