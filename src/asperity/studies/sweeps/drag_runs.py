@@ -64,7 +64,7 @@ _KEYS = (
 
 
 def drag_of(values: Mapping[str, Any]) -> DragCombination:
-    """Return the drag described by _checked values with dotted keys."""
+    """Return the drag described by checked values with dotted keys."""
     parts = {name: value for name, value in nest(values).items() if name not in _PARTS}
     for part, makes in _PARTS.items():
         parts[part] = makes(

@@ -81,7 +81,7 @@ _DEFAULT_KEEP = (
 def _checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
     """Return values with dotted keys in the types of their parameters; refuse invalid ones.
 
-    Values under `bodies` are _checked with their scene, in `_check_together`.
+    Values under `bodies` are checked with their scene, in `_check_together`.
     """
     plain = {k: v for k, v in values.items() if not k.startswith("bodies.")}
     require_keys(plain, where, [*_KEYS, "bodies.NAME.texture.KEY"])
