@@ -98,7 +98,7 @@ class AnalyseCommand:
 def _lines(out: Path, found: dict[str, Any], analyses: dict[str, Any]) -> list[str]:
     """Return the main numbers of one or several analyses, a line each."""
     from asperity.drawing.pages import render
-    from asperity.psychophysics.analysis.catch_trials import ENOUGH
+    from asperity.psychophysics.analysis.results import ENOUGH
 
     def ranked(values: list[float], names: list[str]) -> list[tuple[float, str]]:
         return sorted(zip(values, names, strict=True))[::-1]

@@ -186,7 +186,7 @@ def _written(
                 tile, demands[0], settings.process, request.plate, number, inside
             )
             if request.mesh is not None:
-                from asperity.designing.mesh_stl import write_on_mesh
+                from asperity.designing.plate_stl import write_on_mesh
 
                 written["mesh"] = write_on_mesh(
                     request.mesh, tile.to_make, settings.process, inside

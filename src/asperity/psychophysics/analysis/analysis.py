@@ -16,12 +16,11 @@ from asperity.psychophysics.analysis.adjustments import (
     analyse_adjustments,
     measures_by_standard,
 )
-from asperity.psychophysics.analysis.catch_trials import catch_summary
 from asperity.psychophysics.analysis.detection import analyse_detection, detection_rows
 from asperity.psychophysics.analysis.group import Group, compare, group, plain
 from asperity.psychophysics.analysis.magnitudes import Magnitudes, analyse_magnitudes
 from asperity.psychophysics.analysis.methods import methods_text
-from asperity.psychophysics.analysis.results import SessionResult
+from asperity.psychophysics.analysis.results import SessionResult, catch_summary
 from asperity.psychophysics.analysis.scales import (
     Scale,
     circular_triads,
