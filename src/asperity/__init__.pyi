@@ -29,7 +29,7 @@ from .scene.trajectory import ScriptedMotion as ScriptedMotion
 from .scene.trajectory import Trajectory as Trajectory
 from .scene.trajectory_file import read_poses as read_poses
 from .simulation.simulation import Simulation as Simulation
-from .studies.sweeps.function_sweep import sweep as sweep
+from .studies.sweeps.function_runs import sweep as sweep
 from .texture.files.reading import read_heights as read_heights
 from .texture.friction_map import FrictionMap as FrictionMap
 from .texture.height_field import HeightField as HeightField

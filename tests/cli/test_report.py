@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
-from asperity.cli.claims_table import main_number, measured_text
 from asperity.cli.demo_pipeline import PROBES, SCENES, SOUND_PROBES, run_demo, steps
-from asperity.cli.report import report_page
+from asperity.cli.report import main_number, measured_text, report_page
 from asperity.drawing import figure_style
 from asperity.drawing.pages import data_uri
 from asperity.studies.otaduy_lin_2004.real_surfaces import REAL_SURFACES

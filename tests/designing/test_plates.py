@@ -5,12 +5,12 @@ import pytest
 import trimesh
 
 import asperity
-from asperity.designing.mesh_stl import write_on_mesh
 from asperity.designing.plate_stl import (
     PrintedPlate,
     plate_map,
     plate_triangles,
     write_base,
+    write_on_mesh,
     write_stl,
 )
 from asperity.designing.process import map_limits, process_of

@@ -8,7 +8,7 @@ import pytest
 from fakes import CHOICE, MAGNITUDE, Nothing, design, document
 
 from asperity.cli import main
-from asperity.psychophysics.analysis.conditions import file_name
+from asperity.psychophysics.analysis.analysis import file_name
 from asperity.psychophysics.analysis.methods import REFERENCES, methods_text
 from asperity.psychophysics.analysis.thresholds import AnalysisOptions
 from asperity.psychophysics.design import parse_design
@@ -177,7 +177,7 @@ def test_exponents_are_compared_within_people(tmp_path, capsys):
 
 
 def test_sessions_are_told_as_they_are_fitted_and_conditions_are_named(tmp_path):
-    from asperity.psychophysics.analysis.conditions import analyse_conditions
+    from asperity.psychophysics.analysis.analysis import analyse_conditions
     from asperity.psychophysics.analysis.results import read_conditions
 
     staircase = {"start": [0.8], "trials": 20}

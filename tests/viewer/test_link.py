@@ -10,10 +10,9 @@ from asperity.errors import AsperityError
 from asperity.realtime.servo.parameters import LiveParameters
 from asperity.scene.builtin import load_scene
 from asperity.viewer.change_history import ChangeHistory, State, changed_parameters
-from asperity.viewer.changes import on_coupling, with_texture
+from asperity.viewer.changes import SURFACES, on_coupling, with_texture
 from asperity.viewer.link import LinkRequests, linked, query_of, scene_as_felt
 from asperity.viewer.session_config import SessionConfig
-from asperity.viewer.surfaces import SURFACES
 
 
 @pytest.fixture

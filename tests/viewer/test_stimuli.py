@@ -14,8 +14,8 @@ from asperity.designing.surface_folder import write_map, write_probe_scene
 from asperity.scene.builtin import load_scene
 from asperity.texture.patterns.patterns import sinusoid
 from asperity.viewer.changes import with_texture
+from asperity.viewer.panels.stimuli import BODY, series_of
 from asperity.viewer.session_config import SessionConfig
-from asperity.viewer.stimulus_series import BODY, series_of
 
 
 @pytest.fixture(scope="module")

@@ -61,8 +61,7 @@ class CompareCommand:
         from asperity._core.output import result_folder
         from asperity.scene.builtin import load_scene
         from asperity.studies.comparison.claims import choose_claims
-        from asperity.studies.comparison.compare import CompareSettings, compare
-        from asperity.studies.comparison.own_methods import find_methods
+        from asperity.studies.comparison.compare import CompareSettings, compare, find_methods
         from asperity.studies.comparison.write import summary, write_comparison, write_docs
 
         if self.no_properties:

@@ -10,6 +10,7 @@ import io
 import logging
 import math
 import os
+import re
 import signal
 import sys
 import threading
@@ -33,7 +34,6 @@ from asperity.cli.export import ExportCommand
 from asperity.cli.findings import FindingsCommand
 from asperity.cli.fit import FitCommand
 from asperity.cli.options import check_ranges
-from asperity.cli.parser_message import one_line
 from asperity.cli.plot import PlotCommand
 from asperity.cli.predict import PredictCommand
 from asperity.cli.record import RecordCommand, ReplayCommand
@@ -44,7 +44,7 @@ from asperity.cli.stability import StabilityCommand
 from asperity.cli.study import StudyCommand
 from asperity.cli.sweep import SweepCommand
 from asperity.cli.view import ViewCommand
-from asperity.errors import AsperityError
+from asperity.errors import AsperityError, did_you_mean
 
 LogLevel = Literal["debug", "info", "warning", "error"]
 _DEFAULTS = (signal.SIG_DFL, signal.default_int_handler)
@@ -206,3 +206,34 @@ def _refuse(reason: str) -> int:
     """Print why the input is refused, in one line; return the exit code."""
     print(f"asperity: error: {' '.join(reason.split())}", file=sys.stderr)
     return 2
+
+
+_KINDS = {"FLOAT": "a number", "INT": "a whole number"}
+_HEADINGS = (
+    r"^(Value error|Unrecognized options|Missing argument|Invalid choice|Required options); "
+)
+
+
+def one_line(text: str) -> str:
+    """Return the boxed message of tyro as one line: what is wrong, and what would be valid."""
+    plain = re.sub(r"\x1b\[[0-9;]*m|[╭╮╰╯│]", " ", text)
+    plain = plain.partition("For full helptext")[0]
+    parts = [" ".join(part.split()).strip("─ ") for part in re.split(r"[─-]{3,}", plain)]
+    message = re.sub(_HEADINGS, "", "; ".join(part for part in parts if part))
+    wrong = re.search(r"Error parsing (\S+): .*?Argument helptext: \S+ (\S+)", message)
+    value = re.search(r"'([^']*)'\](?:\.| does)|: '([^']*)'", message)
+    if wrong and value:
+        kind = wrong[2].replace("{None}|", "")
+        given = value[1] if value[1] is not None else value[2]
+        return f"{wrong[1]} must be {_KINDS.get(kind, kind)}, got {given!r}"
+    unknown = re.match(r"Unrecognized options: (.*?)(?:; (.*))?$", message)
+    if unknown:
+        near = re.match(r"Perhaps you meant: (--[\w.-]+)", unknown[2] or "")
+        known = re.match(r"Available subcommands: (.*?)(?:;|$)", unknown[2] or "")
+        if known:  # the first word is no command, so what follows it is not at fault
+            word = unknown[1].split(",")[0]
+            hint = did_you_mean(word, known[1].split(", "))
+            return f"no command {word!r}{hint}; one of: {known[1]}"
+        hint = f" (did you mean {near[1]}?)" if near else ""
+        return f"unknown: {unknown[1]}{hint}"
+    return message

@@ -77,28 +77,9 @@ class PredictCommand:
 
 
 def _lines(answers: Answers, found: dict[str, Any]) -> list[str]:
-    levels, reliability = found["log_likelihood_per_answer"], found.get("reliability")
-    lines = [f"  {note}" for note in answers.notes]
-    lines.append(
-        f"  correlation over {found['cells']} cells {found['correlation']:.2f} "
-        f"(ranks {found['rank_correlation']:.2f})"
-    )
-    if reliability and reliability["ceiling"] is not None:
-        lines[-1] += (
-            f"; ceiling {reliability['ceiling']:.2f} (reliability of {reliability['raters']} "
-            f"raters {reliability['reliability']:.2f}, one rater {reliability['agreement']:.2f})"
-        )
-    elif reliability:
-        lines[-1] += "; no ceiling: it needs two raters or more"
-    explained = found["explained"]
-    lines.append(
-        f"  log-likelihood an answer: null {levels['null']:.3f}, model {levels['model']:.3f}, free "
-        f"cells {levels['cells']:.3f}"
-        + (f"; the model explains {100.0 * explained:.0f} %" if explained is not None else "")
-    )
-    if found["turned_round"]:
-        lines.append("  TURNED ROUND: people answer less where the model has more")
-    return lines
+    from asperity.drawing.pages import render
+
+    return render("prediction_lines.txt", notes=answers.notes, found=found).splitlines()
 
 
 def analyse_table(

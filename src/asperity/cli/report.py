@@ -5,23 +5,30 @@ The text of the page is the template `demo_report.html`; here are the numbers th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 from asperity import __version__
-from asperity._core.digits import plain_number
-from asperity.cli.claims_table import measured_text, verdict_rows
+from asperity._core.data import table_beside
+from asperity._core.digits import plain_number, telling
 from asperity.cli.demo_pipeline import PROBES, SOUND_PROBES, Results
 from asperity.drawing.pages import render
 from asperity.runs.run_scene import described
 from asperity.runs.vibration_metrics import METRICS
-from asperity.studies.otaduy_lin_2004.claims import count_reproduced
+from asperity.studies.otaduy_lin_2004.claims import (
+    LEAST_R_SQUARED,
+    NEARLY_CONSTANT,
+    SAME_PLACE,
+    SAME_RATIO,
+    Claim,
+    count_reproduced,
+)
 from asperity.viewer.pictures import PICTURED, PICTURES
 
 
 def report_page(results: Results) -> str:
     """Return the report of a demo as HTML."""
-    middle = results.settings.middle()
+    measured = [origin.startswith("Measured") for origin in results.remarks.values()]
     return render(
         "demo_report.html",
         version=__version__,
@@ -30,96 +37,99 @@ def report_page(results: Results) -> str:
         claims=results.claims,
         reproduced=count_reproduced(results.claims),
         holding={claim["id"] for claim in results.claims if claim["holds"]},
-        settings=_settings(results),
+        settings=results.settings,
+        middle=results.settings.middle(),
         metrics=METRICS,
         verdicts=partial(verdict_rows, results.claims),
         measured_text=measured_text,
-        surfaces_title=_surfaces_title(results),
-        origins=[(results.rubs[name].attrs["title"], of) for name, of in results.remarks.items()],
-        rub_numbers=_rub_numbers(results),
+        plain_number=plain_number,
+        described=described,
+        surfaces_title="Real surfaces" if all(measured) else (
+            "Real surfaces, and stand-ins where the measured file is missing" if any(measured)
+            else "Stand-ins for real surfaces"
+        ),
         sound_level=f"{next(iter(results.sounds.values()))[0].level:.1f}".replace("-", "−"),
         sound_probes=[f"{PROBES[place] * 1e3:g} mm" for place in SOUND_PROBES],
-        probes=_values(PROBES, 1e3, "mm"),
-        speed=f"{middle['speed'] * 1e3:g} mm/s",
-        normal_force=f"{middle['normal_force']:g} N",
-        run_numbers=partial(_run_numbers, results),
+        probes=PROBES,
         view_pictures=[(name, PICTURES / f"{name}.jpg") for name in PICTURED],
-        durations=results.seconds,
-    )
+    )  # fmt: skip
 
 
-def _settings(results: Results) -> list[tuple[str, str]]:
-    """Return names and values of the studies' settings."""
-    settings, hand = results.settings, results.settings.hand
-    low, high = settings.spacing_range
+_METRIC = "of the metric"
+"""In place of a unit: that of the claim's metric."""
+_SHOWN: dict[str, tuple[str, float, str]] = table_beside(__file__, "claims_table.toml")
+"""Measured number of a claim -> its name, its scale from SI units, and its unit; no unit: a
+ratio."""
+
+
+def verdict_rows(claims: list[Claim], study: str) -> list[dict[str, Any]]:
+    """Return a row for each claim of a study, with a verdict for each metric."""
+    rows: dict[str, dict[str, Claim]] = {}
+    for claim in claims:
+        if claim["id"].startswith(f"{study}."):
+            _, subject, metric = claim["id"].rsplit(".", 2)
+            rows.setdefault(subject, {})[metric] = claim
     return [
-        ("surface", f"{settings.surface}, amplitude {settings.stimulus.amplitude * 1e3:g} mm"),
-        ("spacing", f"{low * 1e3:g} to {high * 1e3:g} mm, {settings.spacings} values"),
-        ("probe diameter", _values(settings.diameters, 1e3, "mm")),
-        ("normal force", _values(settings.forces, 1.0, "N")),
-        ("speed", _values(settings.speeds, 1e3, "mm/s")),
-        (
-            "hand (Eq. 7)",
-            f"mass m = {hand.mass:g} kg, stiffness k = {hand.stiffness:g} N/m, "
-            f"damping b = {hand.damping:g} N s/m",
-        ),
+        {
+            "claim": next(iter(by_metric.values()))["claim"].rsplit(" [", 1)[0],
+            "source": next(iter(by_metric.values()))["source"],
+            "verdicts": [(by_metric[key]["holds"], main_number(by_metric[key])) for key in METRICS],
+        }
+        for by_metric in rows.values()
     ]
 
 
-def _values(values: Sequence[float], scale: float, unit: str) -> str:
-    return ", ".join(f"{value * scale:g}" for value in values) + f" {unit}"
+def main_number(claim: Claim) -> str:
+    """Return the numbers that decide a claim, with as many digits as the verdict needs."""
+    measured = claim["measured"]
+    _, name, metric = claim["id"].rsplit(".", 2)
+    unit = _with_unit("", _METRIC, metric)
+    if name == "quadratic":
+        return "R² " + _numbers(measured["r_squared"], (LEAST_R_SQUARED, 1.0))
+    if name == "peak_scales":
+        spread = _numbers([100.0 * measured["spread"]], (100.0 * SAME_RATIO,), 2)
+        return f"ratios {_numbers(measured['ratio'], (), 2)}; they differ by {spread} %"
+    if name == "more_everywhere":
+        return "least ratio " + _numbers(measured["smallest_ratio_between_levels"], (1.0,), 2)
+    if name == "peak_higher":
+        return _numbers(measured["peak_value"]) + unit
+    if name == "constant_at_small":
+        spread = _numbers([100.0 * measured["spread"]], (100.0 * NEARLY_CONSTANT,), 2)
+        return f"differs by {spread} %"
+    if "largest_spread" in measured:
+        return f"spread up to {_numbers([100.0 * measured['largest_spread']])} %"
+    if "value" in measured:
+        return _numbers(measured["value"]) + unit
+    peaks = f"{_numbers(measured['peak_spacing_mm'])} mm"
+    if "shift" in measured:
+        shift = _numbers([100.0 * measured["shift"]], (100.0 * SAME_PLACE,), 2)
+        return f"{peaks}; they differ by {shift} %"
+    doubt = max((x for x in measured["peak_uncertainty_mm"] if x is not None), default=None)
+    return peaks if doubt is None else f"{peaks}, each ± {plain_number(doubt, 2)} mm or less"
 
 
-def _surfaces_title(results: Results) -> str:
-    if all(_measured(results)):
-        return "Real surfaces"
-    if any(_measured(results)):
-        return "Real surfaces, and stand-ins where the measured file is missing"
-    return "Stand-ins for real surfaces"
+def measured_text(claim: Claim) -> str:
+    """Return everything that was measured for a claim, each number with its unit."""
+    metric = claim["id"].rsplit(".", 1)[1]
+    parts = []
+    for key, value in claim["measured"].items():
+        name, scale, unit = _SHOWN[key]
+        values = value if isinstance(value, list) else [value]
+        scaled = [None if one is None else scale * one for one in values]
+        parts.append(_with_unit(f"{name} {_numbers(scaled)}", unit, metric))
+    return "; ".join(parts)
 
 
-def _measured(results: Results) -> list[bool]:
-    """Return for each real surface whether it was measured."""
-    return [origin.startswith("Measured") for origin in results.remarks.values()]
+def _with_unit(text: str, unit: str, metric: str) -> str:
+    if unit == _METRIC:
+        unit = METRICS[metric].unit
+        unit = "(dimensionless)" if unit == "1" else unit
+    return f"{text} {unit}" if unit else text
 
 
-def _rub_numbers(results: Results) -> list[tuple[str, list[str]]]:
-    """Return a row for each surface and probe: their names, and its metrics."""
-    rows = []
-    for data in results.rubs.values():
-        for i, diameter in enumerate(data["diameter"].values):
-            values = [plain_number(float(data[name][i])) for name in METRICS]
-            rows.append((f"{data.attrs['title']}, probe of {diameter * 1e3:g} mm", values))
-    return rows
-
-
-def _run_numbers(results: Results, scene: str) -> list[tuple[str, str]]:
-    """Return names and values of the main numbers of the run of a scene."""
-    summary, tick_us = results.runs[scene].summary, results.tick_us[scene]
-    status, aliasing = summary["status"], summary["anti_alias"]
-    contacts, depths = summary["contacts"], sum(status.values())
-    share = 100.0 * status["certified"] / max(depths, 1)
-    numbers = [
-        ("motion", described(summary)),
-        ("ticks", f"{summary['ticks']} of {1e3 * summary['tick_seconds']:g} ms, "
-                  f"{contacts['ticks_in_contact']} of them in contact"),
-        ("contacts in a tick", f"{contacts['mean']:.2g} on average, at most {contacts['largest']}"),
-        ("certified depths", f"{status['certified']} of {depths} ({share:.3g} %)"),
-        ("largest force", f"{summary['largest_force_n']:.3g} N"),
-        ("largest torque", f"{summary['largest_torque_n_m'] * 1e3:.3g} mN m"),
-        ("computing time of a tick",
-         f"{tick_us[0] * 1e-3:.2g} ms (median), {tick_us[1] * 1e-3:.2g} ms (99 % are faster)"),
-    ]  # fmt: skip
-    if status["budget_spent"]:
-        numbers.append((
-            "not certified",
-            "there the search reached its budget; the force is that of the deepest point found",
-        ))  # fmt: skip
-    if aliasing["ticks_active"]:
-        numbers.append(("anti-aliased", f"over several poses in {aliasing['ticks_active']} ticks"))
-    if aliasing["ticks_too_fast_and_off"]:
-        count = aliasing["ticks_too_fast_and_off"]
-        numbers.append(
-            ("texture too fast for the ticks, and not anti-aliased", f"in {count} ticks")
-        )
-    return numbers
+def _numbers(
+    values: list[float | None], limits: tuple[float, ...] = (), digits: int = 3
+) -> str:  # fmt: skip
+    known = [value for value in values if value is not None]
+    texts = iter(telling(known, limits, digits=digits))
+    return " / ".join("none" if value is None else next(texts) for value in values)

@@ -162,6 +162,27 @@ def at_limits(tile: DesignedTile, process: ManufactureProcess) -> tuple[str, ...
     return tuple(out)
 
 
+def is_reached(surface: DesignedSurface, settings: DesignSettings) -> bool:
+    """Return whether a surface has what is demanded, and the process can make it."""
+    process = settings.process
+    can_be_made = all(
+        tile.limits.slope <= SLACK * process.slope and tile.limits.relief <= SLACK * process.relief
+        for tile in surface.tiles.values()
+    )
+    return can_be_made and surface.worst <= settings.tolerance
+
+
+def reached_or_refused(
+    surfaces: list[DesignedSurface], settings: DesignSettings, accept_nearest: bool
+) -> list[DesignedSurface]:
+    """Return the surfaces that are reached, the nearest first; else the nearest, or refuse."""
+    surfaces = sorted(surfaces, key=lambda surface: surface.worst)
+    good = [surface for surface in surfaces if is_reached(surface, settings)]
+    if good or accept_nearest:
+        return good or surfaces[:1]
+    raise unreachable(surfaces[0], settings.tolerance)
+
+
 def unreachable(nearest: DesignedSurface, tolerance: float) -> UnreachableError:
     """Return the refusal of a target, which names the nearest that can be reached."""
     worst = int(np.argmax(np.abs(nearest.misses)))

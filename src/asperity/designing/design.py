@@ -15,7 +15,7 @@ from asperity._core.output import result_folder, write_json
 from asperity.designing.candidate import DesignedSurface
 from asperity.designing.forward import Demand
 from asperity.designing.free_map import FreeMap, search_free_map
-from asperity.designing.judge import EnsembleValues, SixDofCheck, check_in_six_dof, over_ensemble
+from asperity.designing.judge import EnsembleValues, check_in_six_dof, over_ensemble
 from asperity.designing.pattern_search import search_pattern
 from asperity.designing.report import write_report
 from asperity.designing.series import Evenness, evenness, search_series
@@ -186,7 +186,7 @@ def _written(
                 tile, demands[0], settings.process, request.plate, number, inside
             )
             if request.mesh is not None:
-                from asperity.designing.mesh_stl import write_on_mesh
+                from asperity.designing.plate_stl import write_on_mesh
 
                 written["mesh"] = write_on_mesh(
                     request.mesh, tile.to_make, settings.process, inside
@@ -205,7 +205,7 @@ def _written(
                         scene, tile.made, demand, settings.hand, settings.strokes
                     )
                     if check is not None:
-                        entry["six_dof"].append(_six_dof_entry(check))
+                        entry["six_dof"].append(check._asdict() | {"difference": check.difference})
         entries.append(entry)
     report: dict[str, Any] = {
         "schema": 1,
@@ -251,10 +251,6 @@ def _ensemble_entry(values: EnsembleValues, demands: tuple[Demand, ...]) -> list
                 "p10": low, "median": middle, "p90": high, "hands": int(dragged.size),
             })  # fmt: skip
     return out
-
-
-def _six_dof_entry(check: SixDofCheck) -> dict[str, Any]:
-    return {**check._asdict(), "difference": check.difference}
 
 
 def _series_entry(judged: Evenness, values: Array) -> dict[str, Any]:

@@ -23,13 +23,13 @@ import numpy as np
 
 from asperity._core.arrays import Array
 from asperity.designing.candidate import (
-    SLACK,
     DesignedSurface,
     DesignSettings,
     at_limits,
     bench_of,
     designed_tile,
-    unreachable,
+    is_reached,
+    reached_or_refused,
 )
 from asperity.designing.forward import Demand
 from asperity.designing.pattern_search import Tell
@@ -225,11 +225,6 @@ class FreeProblem:
         )  # fmt: skip
 
 
-def _can_be_made(surface: DesignedSurface, settings: DesignSettings) -> bool:
-    limits, process = surface.tile.limits, settings.process
-    return limits.slope <= SLACK * process.slope and limits.relief <= SLACK * process.relief
-
-
 class Retreating:
     """A loss that points back to its last good place where no hand would move.
 
@@ -295,14 +290,7 @@ def search_free_map(
         _one_map(unknown, demands, settings, settings.seed + i, tell)
         for i in range(settings.candidates)
     ]
-    surfaces.sort(key=lambda surface: surface.worst)
-    good = [
-        surface for surface in surfaces
-        if surface.worst <= settings.tolerance and _can_be_made(surface, settings)
-    ]  # fmt: skip
-    if good or accept_nearest:
-        return good or surfaces[:1]
-    raise unreachable(surfaces[0], settings.tolerance)
+    return reached_or_refused(surfaces, settings, accept_nearest)
 
 
 def _one_map(
@@ -316,7 +304,7 @@ def _one_map(
     for _ in range(_ROUNDS):
         x = _minimise(problem, x, tell)
         surface = problem.surface(x)
-        good = surface.worst <= settings.tolerance and _can_be_made(surface, settings)
+        good = is_reached(surface, settings)
         if best is None or surface.worst < best.worst or good:
             best = surface
         if good:

@@ -60,11 +60,10 @@ class JudgedTile:
             )
         return self._tables[key]
 
-    def value(self, demand: Demand, hand: Hand, stroke: int | None = None) -> float:
+    def value(self, demand: Demand, hand: Hand) -> float:
         """Return what a demand is about, for a hand; NaN for a hand that stays in a notch."""
-        strokes = range(self.places.size) if stroke is None else (stroke,)
         values = []
-        for one in strokes:
+        for one in range(self.places.size):
             force = self._table(demand.diameter, one).scaled(demand.force)
             try:
                 motion = drag_over(force, demand.force, hand, demand.speed)

@@ -19,13 +19,12 @@ import numpy as np
 
 from asperity._core.arrays import Array
 from asperity.designing.candidate import (
-    SLACK,
     DesignedSurface,
     DesignSettings,
     at_limits,
     bench_of,
     designed_tile,
-    unreachable,
+    reached_or_refused,
 )
 from asperity.designing.forward import Demand
 from asperity.designing.process import facet_slopes
@@ -222,20 +221,7 @@ def search_pattern(
         if all(np.max(np.abs(place - other)) > 0.02 for other in apart):
             apart.append(place)
     surfaces = [_with_layers(problem, place) for place in apart[: settings.candidates]]
-    surfaces.sort(key=lambda surface: surface.worst)
-    good = [surface for surface in surfaces if _is_reached(surface, settings)]
-    if good or accept_nearest:
-        return good or surfaces[:1]
-    raise unreachable(surfaces[0], settings.tolerance)
-
-
-def _is_reached(surface: DesignedSurface, settings: DesignSettings) -> bool:
-    process = settings.process
-    can_be_made = all(
-        tile.limits.slope <= SLACK * process.slope and tile.limits.relief <= SLACK * process.relief
-        for tile in surface.tiles.values()
-    )
-    return can_be_made and surface.worst <= settings.tolerance
+    return reached_or_refused(surfaces, settings, accept_nearest)
 
 
 def _with_layers(problem: _Problem, x: Array) -> DesignedSurface:

@@ -46,7 +46,7 @@ def write_report(
         figure_style.save(figure, folder, name, ("png",))
         images[name] = data_uri(folder / f"{name}.png")
     (folder / "report.html").write_text(
-        render("design.html", report=report, images=images, tables=_tables(report)), "utf-8"
+        render("design.html", report=report, images=images), "utf-8"
     )
 
 
@@ -172,42 +172,3 @@ def series_figure(surfaces: Sequence[DesignedSurface], ensembles: Sequence[Ensem
         axis.legend()
         plt.close(figure)
     return figure
-
-
-def _tables(report: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return what the page shows of each surface, as texts."""
-    out = []
-    for i, entry in enumerate(report["surfaces"]):
-        parameters = ", ".join(f"{k} = {_si(k, v)}" for k, v in entry["parameters"].items())
-        rows = [
-            (t["label"], f"{t['wanted']:.4g}", f"{t['reached']:.4g}", f"{100 * t['miss']:+.2g} %")
-            for t in entry["targets"]
-        ]
-        spread = [
-            (one["variant"], one["label"], *(
-                "-" if one[k] is None else f"{one[k]:.3g}" for k in ("p10", "median", "p90")
-            ), str(one["hands"]))
-            for plate in entry["variants"] for one in plate
-        ]  # fmt: skip
-        six = [
-            (one["label"], f"{one['one_dimensional']:.4g}", f"{one['guided']:.4g}",
-             f"{100 * one['difference']:+.2g} %", f"{one['constant']:.4g}", f"{one['full']:.4g}")
-            for one in entry["six_dof"]
-        ]  # fmt: skip
-        limits = [
-            f"slope {t['slope']:.3g}, relief {t['relief'] * 1e6:.0f} µm, smallest feature "
-            + ("none" if t["feature"] is None else f"{t['feature'] * 1e6:.0f} µm")
-            for t in entry["tiles"]
-        ]
-        out.append({
-            "title": f"{i + 1}: {entry['kind']}", "parameters": parameters, "rows": rows,
-            "spread": spread, "six": six, "limits": "; ".join(limits),
-        })  # fmt: skip
-    return out
-
-
-def _si(name: str, value: float) -> str:
-    """Return a parameter for people: lengths in micrometres or millimetres."""
-    if name in ("rms_slope", "hurst", "jitter", "face", "flat", "angle"):
-        return f"{value:.3g}"
-    return f"{value * 1e3:.4g} mm" if value >= 1e-3 else f"{value * 1e6:.4g} µm"

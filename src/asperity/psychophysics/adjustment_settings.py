@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from asperity.errors import AsperityError, require_between, require_choice, require_positive
 
@@ -89,8 +89,8 @@ class MatchingSettings:
         return self.value_of(self.intensity(value) + towards * self.intensity(self.step))
 
 
-@dataclass(frozen=True)
-class AdjustmentSettings:
+@dataclass(frozen=True, kw_only=True)
+class AdjustmentSettings(MatchingSettings):
     """A comparison is adjusted to one standard on the same axis.
 
     Parameters
@@ -102,15 +102,9 @@ class AdjustmentSettings:
     """
 
     standard: float
-    low: float
-    high: float
-    step: float
-    coarse: int = 4
+    standards: tuple[float, ...] = field(default=(), init=False)
+    """The one."""
     repeats: int = 24
-    scale: str = "log"
-    more: str = "larger"
-    steps: int = 40
-    practice: int = 0
 
     def __post_init__(self) -> None:
         if not self.low < self.standard < self.high:
@@ -118,11 +112,5 @@ class AdjustmentSettings:
                 f"standard ({self.standard:g}) must lie between low ({self.low:g}) and high "
                 f"({self.high:g})"
             )
-        self.as_matching()  # which checks the others
-
-    def as_matching(self) -> MatchingSettings:
-        """Return the same as a matching with one standard."""
-        return MatchingSettings(
-            self.low, self.high, self.step, (self.standard,), self.coarse, self.repeats,
-            self.scale, self.more, self.steps, self.practice,
-        )  # fmt: skip
+        object.__setattr__(self, "standards", (self.standard,))
+        super().__post_init__()

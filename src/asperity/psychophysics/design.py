@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,9 @@ from asperity.psychophysics.adjustment_settings import AdjustmentSettings, Match
 from asperity.psychophysics.interfaces.simulated_participants import SimulatedSettings
 from asperity.psychophysics.procedures.questplus import QuestPlusSettings
 from asperity.psychophysics.procedures.staircase import StaircaseSettings
-from asperity.psychophysics.session_settings import CatchSettings, SessionSettings
 from asperity.psychophysics.settings import (
     ADAPTIVE,
+    CatchSettings,
     ConstantSettings,
     ForcedChoiceSettings,
     MagnitudeSettings,
@@ -24,6 +24,7 @@ from asperity.psychophysics.settings import (
     PairsSettings,
     Presentation,
     RankingSettings,
+    SessionSettings,
     YesNoSettings,
 )
 from asperity.psychophysics.stimuli import Stimuli, Stimulus, check_scene, read_stimuli
@@ -41,7 +42,7 @@ from asperity.scene.document import (
 SCHEMA = 1
 Settings = (
     MagnitudeSettings | ForcedChoiceSettings | PairsSettings | RankingSettings | YesNoSettings
-    | AdjustmentSettings | MatchingSettings
+    | MatchingSettings
 )  # fmt: skip
 _MAKES: dict[str, Any] = {
     "magnitude": MagnitudeSettings, "forced-choice": ForcedChoiceSettings,
@@ -115,11 +116,9 @@ class ExperimentDesign:
         assert isinstance(self.settings, ForcedChoiceSettings)
         return self.settings
 
-    @cached_property
+    @property
     def matching(self) -> MatchingSettings:
         """Settings of an adjustment or a matching, which the method must be."""
-        if isinstance(self.settings, AdjustmentSettings):
-            return self.settings.as_matching()
         assert isinstance(self.settings, MatchingSettings)
         return self.settings
 

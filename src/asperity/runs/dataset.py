@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.data import table_beside
 from asperity.errors import AsperityError
 from asperity.runs.recording import described, recording_file, require_recording
 
@@ -22,26 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _AXES, _PARTS = ("x", "y", "z"), ("w", "x", "y", "z")
-_SPLIT = {
-    "handle_position": ("handle_pose", 0, "axis", "m", "place of the handle's frame"),
-    "handle_orientation": (
-        "handle_pose", 3, "quaternion", "1", "orientation of the handle's frame, unit quaternion",
-    ),
-    "tool_position": ("tool_pose", 0, "axis", "m", "place of the tool's frame"),
-    "tool_orientation": (
-        "tool_pose", 3, "quaternion", "1", "orientation of the tool's frame, unit quaternion",
-    ),
-    "contact_force": ("contact_wrench", 0, "axis", "N", "force of the contact on the tool"),
-    "contact_torque": (
-        "contact_wrench", 3, "axis", "N m",
-        "torque of the contact on the tool about its centre of mass",
-    ),
-    "device_force": ("device_wrench", 0, "axis", "N", "force that the hand feels"),
-    "device_torque": (
-        "device_wrench", 3, "axis", "N m",
-        "torque that the hand feels about the tool's centre of mass",
-    ),
-}  # fmt: skip
+_SPLIT = table_beside(__file__, "variables.toml")["dataset"]
 _WHOLE = ("penetration_depth", "contact_count", "flags")
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from asperity._core.arrays import Array, Indices
+from asperity._core.data import table_beside
 from asperity.errors import AsperityError, OutputError
 from asperity.runs.recording_file import RecordingFile
 from asperity.simulation.simulation import Rollout
@@ -30,23 +31,9 @@ FLUSH_SECONDS = 0.5
 _CHUNK = 1024
 _POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 _WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
-_VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
-    "handle_pose": (("time", "pose"), "f8", "m, 1", "pose of the handle: position, quaternion"),
-    "tool_pose": (("time", "pose"), "f8", "m, 1", "pose of the tool: position, quaternion"),
-    "contact_wrench": (
-        ("time", "wrench"), "f8", "N, N m",
-        "force and torque on the tool about its centre of mass, world axes",
-    ),
-    "device_wrench": (
-        ("time", "wrench"), "f8", "N, N m",
-        "force and torque that the hand feels, about the tool's centre of mass, world axes",
-    ),
-    "contact_count": (("time",), "i4", "1", "number of contacts"),
-    "flags": (("time",), "i4", "1", "what there is to say of the tick"),
-    "penetration_depth": (
-        ("time",), "f8", "m", "penetration depth of the deepest contact, 0 without contact",
-    ),
-}  # fmt: skip
+_VARIABLES: dict[str, tuple[list[str], str, str, str]] = table_beside(__file__, "variables.toml")[
+    "recording"
+]
 _LATER = {"penetration_depth"}
 """Variables that older recordings of the same schema lack; NaN there."""
 
@@ -176,7 +163,7 @@ def described() -> dict[str, tuple[tuple[str, ...], dict[str, Any]]]:
     # As the CF conventions say it.
     meanings = " ".join(text.replace(",", "").replace(" ", "_") for text in FLAGS.values())
     out: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
-        name: (dims, {"units": units, "long_name": text})
+        name: (tuple(dims), {"units": units, "long_name": text})
         for name, (dims, _, units, text) in _VARIABLES.items()
     }
     out["flags"][1].update({"flag_masks": masks, "flag_meanings": meanings})

@@ -14,6 +14,7 @@ import numpy as np
 
 from asperity import __version__
 from asperity._core.output import write_json
+from asperity.drawing.pages import render
 from asperity.drawing.renderer.contact import ContactMoment, Picture, close_picture, whole_picture
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.dynamics.passivity.controller import PassivityController
@@ -34,12 +35,6 @@ from asperity.simulation.tool_contact import (
     TOO_FAST,
 )
 
-_CERTIFIED = 0.99
-"""Share of certified depths below which a run has a note."""
-_LATE = 0.01
-"""Share of ticks longer than the period from which on a run has a note."""
-_OLD = 0.05
-"""Share of ticks with an older contact from which on a run has a note."""
 _LINEAR = 0.2
 """Displacement over the smallest side of an elastic body above which a run has a note."""
 _ROWS = 256
@@ -253,77 +248,19 @@ def summary_of(scene: Scene, trajectory: dict[str, Any], rollout: Rollout) -> di
 
 def _doubts(scene: Scene, rollout: Rollout, dt: float) -> list[str]:
     """Return what lowers the worth of a run, each with what helps."""
-    late = int(np.count_nonzero(rollout.tick_seconds > dt))
-    notes = _too_fast(scene, rollout, dt)
-    if late > _LATE * len(rollout.time):
-        notes.append(
-            f"{late} of {len(rollout.time)} ticks took longer than a tick lasts, {1e3 * dt:.3g} "
-            "ms: a device would not be served in time; take a coarser texture or mesh, or a lower "
-            "rate"
-        )
-    old = int(np.count_nonzero(rollout.flags & FALLBACK))
-    if old > _OLD * len(rollout.time):
-        notes.append(
-            f"in {old} of {len(rollout.time)} ticks the contact was an older one, taken on to the "
-            "present pose: a new one takes longer than a tick; take a lower rate "
-            f"(--rate-hz {0.5 / dt:.4g}), or a coarser texture, mesh or grid of taxels"
-        )
-    return notes + _too_deep(scene, rollout) + _uncertified(scene, rollout)
-
-
-def _too_fast(scene: Scene, rollout: Rollout, dt: float) -> list[str]:
-    """Return a note if texture passes too fast for the tick, and is not anti-aliased."""
-    ticks = int(np.count_nonzero(rollout.flags & TOO_FAST))
-    if ticks == 0:
-        return []
     moved = np.linalg.norm(np.diff(rollout.tool_pose[:, :3], axis=0), axis=1)
-    fastest = f" at up to {1e3 * moved.max() / dt:.3g} mm/s" if moved.size else ""
-    return [
-        f"in {ticks} ticks the texture, whose shortest wave is "
-        f"{1e3 * scene.shortest_wavelength:.3g} mm, passed{fastest}, more than half a wave in a "
-        f"tick at {1.0 / dt:.4g} Hz: see --anti-alias"
-    ]
-
-
-def _too_deep(scene: Scene, rollout: Rollout) -> list[str]:
-    """Return notes if the tool was deeper in a soft body than its layer can be pressed."""
-    if scene.soft is None:
-        return []
-    name, notes = scene.soft.body.name, []
-    lost = int(np.count_nonzero(rollout.flags & OVERFLOW))
-    flat = int(np.count_nonzero(rollout.flags & NOT_CERTIFIED)) if scene.skin else 0
-    if lost:
-        notes.append(
-            f"in {lost} ticks the tool was in {name} where its soft layer does not reach, and "
-            "there was no force: past the middle, or beside the skin; begin outside, or press less"
-        )
-    if flat:
-        notes.append(
-            f"in {flat} ticks the soft layer of {name} was pressed flat, and forces are those of a "
-            "spring beyond it: press less, or take a thicker or stiffer layer"
-        )
-    return notes
-
-
-def _uncertified(scene: Scene, rollout: Rollout) -> list[str]:
-    """Return a note if less than 99 % of the depths are certified."""
-    certified, total = int(rollout.statuses[0]), int(rollout.statuses.sum())
-    if certified >= _CERTIFIED * total or scene.skin is not None:
-        return []
-    if scene.elastic is not None:
-        return [
-            f"at {total - certified} of {total} ticks the elastic body was held at its largest "
-            "displacement, its layer was flat, or its equations not solved to tolerance: forces "
-            "are wrong there"
-        ]
-    helps = f"raise force.max_nodes (now {scene.force.max_nodes}) or force.tolerance, or"
-    cut = int(((rollout.flags & CUT_SHORT) != 0).sum())
-    if cut:
-        helps = f"in {cut} ticks the time ended a search: free a core, lower the rate, or"
-    return [
-        f"only {100.0 * certified / total:.3g} % of the depths are certified: forces may be too "
-        f"small; {helps} take a coarser texture or mesh"
-    ]
+    flags = {
+        "too_fast": TOO_FAST, "old": FALLBACK, "lost": OVERFLOW, "flat": NOT_CERTIFIED,
+        "cut": CUT_SHORT,
+    }  # fmt: skip
+    text = render(
+        "run_notes.txt", scene=scene, dt=dt, ticks=len(rollout.time),
+        late=int(np.count_nonzero(rollout.tick_seconds > dt)),
+        fastest=moved.max() if moved.size else None,
+        certified=int(rollout.statuses[0]), depths=int(rollout.statuses.sum()),
+        **{name: int(np.count_nonzero(rollout.flags & bit)) for name, bit in flags.items()},
+    )  # fmt: skip
+    return text.splitlines()
 
 
 def take_pictures(run: Run, scene: Scene, *, rows: int = 620) -> tuple[Picture, Picture]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from asperity._core.arrays import Array
+from asperity.drawing.pages import render
 from asperity.vibrotactile.distances import Match
 from asperity.vibrotactile.fit import Fitted, Held
 from asperity.vibrotactile.harmonic import HarmonicModel
@@ -72,47 +73,14 @@ def _medians(held: Sequence[Held]) -> dict[str, dict[str, float]]:
 
 def in_words(summary: dict[str, Any]) -> str:
     """Return the summary as lines for a reader."""
-    lines = [
-        f"{summary['name']}: {summary['models']} models of order {summary['order']} at "
-        f"{summary['rate_hz']:g} Hz, up to {summary['largest_speed_m_s'] * 1e3:.0f} mm/s and "
-        f"{summary['largest_force_n']:.2f} N, friction {summary['friction']:.3f}"
-    ]
-    if "fitted" in summary:
-        lines.append(
-            f"fitted to {summary['stretches']} stretches, {summary['seconds']:.1f} s, in "
-            f"{summary['fitted']} places of force and speed; {summary['left_out']} left out"
-        )
-    if "periods_m" in summary:
-        periods = ", ".join(f"{1e3 * period:.4g}" for period in summary["periods_m"])
-        lines.append(
-            f"repeats over distance: {summary['lines']} lines of periods of {periods} mm"
-            if periods
-            else "nothing repeats over distance: noise alone"
-        )
-    lines += [f"no model of {one}" for one in summary.get("lost", [])]
-    comparison = {
-        "match": "synthesised against held out",
-        "itself": "held out against its other half",
-        "noise": "white noise of the same size",
-    }
-    if summary["held_out"]:
-        lines.append(f"{len(summary['held_out'])} held-out stretches, medians:")
-        for key, words in comparison.items():
-            row = summary["median"][key]
-            lines.append(
-                f"  {words:<32} fit {row['fit']:.3f}  Itakura-Saito {row['itakura_saito']:.3f}  "
-                f"rms {row['level']:.2f}"
-            )
-    return "\n".join(lines)
+    return render("model_words.txt", **summary).rstrip("\n")
 
 
-def stroking(
-    model: TextureModel, *, seconds: float = 4.0, strokes: float = 1.0
-) -> tuple[Array, Array]:
-    """Return speeds [m/s] and forces [N] of a hand that strokes to and fro, `strokes` a second.
+def stroking(model: TextureModel) -> tuple[Array, Array]:
+    """Return speeds [m/s] and forces [N] of a hand that strokes to and fro for 4 s, once a second.
 
     The speed is that of a sine that reaches the model's largest; the force half its largest.
     """
-    time = np.arange(int(seconds * model.rate)) / model.rate
-    speed = np.abs(np.sin(np.pi * strokes * time)) * float(model.speeds.max())
+    time = np.arange(int(4.0 * model.rate)) / model.rate
+    speed = np.abs(np.sin(np.pi * time)) * float(model.speeds.max())
     return speed, np.full(time.size, 0.5 * float(model.forces.max()))

@@ -29,6 +29,8 @@ _QUALITY = 88
 """Quality of a JPEG [percent]."""
 _SETTLED, _WAITED = 4.0, 5.0
 """Time for the tool to come down and slide, and time limit for contact after that [s]."""
+_PRESS = 0.9
+"""Normal force that the hand presses with [N]."""
 _DRAWN, _FOLDED = 25.0, 20.0
 """Time for the page to be drawn completely, and for closed folders to fold [s]."""
 _DRAW = """() => new Promise((done) => {
@@ -115,31 +117,20 @@ def close_notes(tab: Any) -> None:
     tab.evaluate(f"document.querySelectorAll('{_CLOSE}').forEach((button) => button.click())")
 
 
-def take_picture(
-    page: Page, path: Path, *, size: tuple[int, int] = SIZE, press: float = 0.9
-) -> None:
+def take_picture(page: Page, path: Path) -> None:
     """Write a picture of the page while the tool slides, as PNG or JPEG.
 
     The page is paused while a browser draws it, because software rendering occupies a small
     computer completely. The picture shows the controls of the surfaces; the loop's statistics,
     which would be those of a busy computer, are folded away.
-
-    Parameters
-    ----------
-    page : Page
-    path : Path
-    size : tuple of int
-        Of the window [px].
-    press : float
-        Normal force that the hand presses with [N].
     """
     servo = page.servo
     if servo.config.is_mouse:
-        servo.move(CannedMotion("slide", 0.02, 0.02), press=press)
+        servo.move(CannedMotion("slide", 0.02, 0.02), press=_PRESS)
     time.sleep(_SETTLED)
-    _wait_for_touch(page, press)
+    _wait_for_touch(page)
     page.pause()
-    with browser_tab(size) as tab:
+    with browser_tab() as tab:
         tab.goto(page.url, timeout=1e3 * _SLOW)
         tab.wait_for_selector("canvas", timeout=1e3 * _SLOW)
         tab.wait_for_timeout(1e3 * _DRAWN)
@@ -155,13 +146,13 @@ def take_picture(
     page.pause(False)
 
 
-def _wait_for_touch(page: Page, press: float) -> None:
+def _wait_for_touch(page: Page) -> None:
     """Wait until the hand feels about the force it presses with, at most `_WAITED`."""
     until = time.monotonic() + _WAITED
     while time.monotonic() < until:
         snapshot = page.servo.latest()
         if snapshot is not None and snapshot.contact_count:
             force = float(np.linalg.norm(snapshot.device_wrench[:3]))
-            if 0.5 * press < force < 1.5 * press:
+            if 0.5 * _PRESS < force < 1.5 * _PRESS:
                 return
         time.sleep(0.01)

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from asperity._core.data import table_beside
 from asperity.contact.response.settings import LAW_LABELS
 from asperity.errors import AsperityError, require_between, require_choice
 from asperity.geometry.mesh.files import read_contents
@@ -23,6 +24,29 @@ from asperity.scene.texture import body_texture
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.patterns import EXAMPLES
 from asperity.viewer.session_config import SessionConfig
+
+_GRAINS = {"P40": 425e-6, "P60": 269e-6, "P80": 201e-6, "P120": 125e-6, "P180": 82e-6,
+           "P240": 58.5e-6}  # fmt: skip
+"""Mean diameters of the grains, FEPA 43-1 [m]."""
+_TILE = 256
+"""Pixels along a side of a tile of sandpaper."""
+
+
+def _sandpaper(grain: float) -> dict[str, Any]:
+    """Return a rough surface whose bumps are as wide as grains; slopes are a project default."""
+    pixel = grain / 8.0
+    return {
+        "kind": "rough", "size": _TILE * pixel, "pixel_size": pixel, "hurst": 0.6,
+        "rms_slope": 0.45, "rolloff": 2.5 * grain, "cutoff": 0.5 * grain, "seed": 1,
+    }  # fmt: skip
+
+
+SURFACES: dict[str, dict[str, Any]] = {
+    **{f"sandpaper {name}": _sandpaper(grain) for name, grain in _GRAINS.items()},
+    **table_beside(__file__, "surfaces.toml"),
+}
+"""Texture tables by name. They resemble these surfaces; none has been measured."""
+
 
 SMOOTH, AS_IT_IS = "smooth", "as it is"
 MESH_SIZES: dict[str, dict[str, Any]] = {"block": {"length": 0.06, "width": 0.04, "height": 0.015}}
@@ -102,12 +126,12 @@ def with_method(
     return replace(config, scene=config.scene.changed(force=force))
 
 
-def with_device(config: SessionConfig, name: str, rate: float | None = None) -> SessionConfig:
-    """Return a session with another device and rate; AsperityError if its package is missing."""
+def with_device(config: SessionConfig, name: str) -> SessionConfig:
+    """Return a session with another device; AsperityError if its package is missing."""
     entry = entry_of(name)
     if not is_installed(entry):
         raise AsperityError(f"{name} needs pip install 'asperity[{entry.extra}]'")
-    return replace(config, device=name, options={}, rate=config.rate if rate is None else rate)
+    return replace(config, device=name, options={})
 
 
 def scaled_texture(

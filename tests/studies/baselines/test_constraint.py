@@ -11,8 +11,7 @@ from flat_foot import PLACES, at_place, centre_of_pressure, foot_on_smooth_plate
 from asperity.errors import AsperityError
 from asperity.scene.builtin import load_scene
 from asperity.studies.baselines import METHODS
-from asperity.studies.baselines.constraint import ConstraintMethod
-from asperity.studies.baselines.relief_tiles import tiles_of
+from asperity.studies.baselines.constraint import ConstraintMethod, tiles_of
 from asperity.studies.comparison import stimuli
 
 RADIUS = 1.5e-3

@@ -15,7 +15,7 @@ from clusters import DEADLY, environment, running_scheduler, wait_for, worker_pr
 from asperity import AsperityError
 from asperity.cli import main
 from asperity.scene.document import write_toml
-from asperity.studies.sweeps import cluster
+from asperity.studies.sweeps import dispatch
 from asperity.studies.sweeps.batch import DONE, FAILED
 from asperity.studies.sweeps.run import run_sweep
 from asperity.studies.sweeps.store import open_sweep
@@ -104,7 +104,7 @@ def test_a_combination_that_kills_its_worker_is_found_and_recorded(scheduler, tm
 
 
 def test_no_scheduler_is_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "_PATIENCE", 4.0)
+    monkeypatch.setattr(dispatch, "_PATIENCE", 4.0)
     with pytest.raises(AsperityError, match=r"no scheduler answers at 'tcp://127\.0\.0\.1:9'"):
         run_sweep(read_study(STUDY), tmp_path / "a.zarr", scheduler="tcp://127.0.0.1:9")
 

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 _CHILD = """
 import json, resource, sys, time
 import asperity
-from asperity.studies.sweeps.function_sweep import sweep
+from asperity.studies.sweeps.function_runs import sweep
 
 def cheap(x, y):
     return {"sum": x + y, "product": x * y}

@@ -6,8 +6,7 @@ import pytest
 from asperity import AsperityError
 from asperity.cli import main
 from asperity.studies.sweeps.batch import DONE
-from asperity.studies.sweeps.figures import draw
-from asperity.studies.sweeps.sensitivity import Groups, share
+from asperity.studies.sweeps.figures import Groups, draw, share
 from asperity.studies.sweeps.store import BlockResults, open_store, open_sweep
 from asperity.studies.sweeps.study import read_study
 from asperity.studies.sweeps.views import choose_views

@@ -9,11 +9,10 @@ import pytest
 from asperity import AsperityError, load_scene
 from asperity.scene.document import write_toml
 from asperity.studies.otaduy_lin_2004.drags import Condition
-from asperity.studies.sweeps.blocks import block_shape, blocks
-from asperity.studies.sweeps.content import seed_of
 from asperity.studies.sweeps.drag_runs import DragRuns
+from asperity.studies.sweeps.new_store import block_shape, blocks
 from asperity.studies.sweeps.scene_runs import SceneRuns
-from asperity.studies.sweeps.study import read_study
+from asperity.studies.sweeps.study import read_study, seed_of
 
 
 def study(vary, **sections):

@@ -129,23 +129,3 @@ def adjustment_rows(sessions: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
          **{key: value for key, value in one.items() if key != "settings"}}
         for session in sessions for one in session["standards"]
     ]  # fmt: skip
-
-
-def adjustment_lines(sessions: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the main numbers of `analyse_adjustments`, a line each."""
-    lines = []
-    for session in sessions:
-        for one in session["standards"]:
-            start = f"{session['session']}: standard {one['standard']}: "
-            count = len(one["settings"])
-            if count < 2:
-                lines.append(f"{start}{count} adjustments, two are needed")
-                continue
-            lines.append(
-                f"{start}PSE {one['pse']:.4g} ({one['pse_low']:.4g} to {one['pse_high']:.4g}), "
-                f"JND {one['jnd']:.3g} ({one['jnd_low']:.3g} to {one['jnd_high']:.3g}), "
-                f"{count} adjustments"
-            )
-        if session["given_up"]:
-            lines.append(f"{session['session']}: {session['given_up']} adjustments were given up")
-    return lines

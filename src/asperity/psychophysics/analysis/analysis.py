@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,17 +10,17 @@ from typing import Any
 import numpy as np
 
 from asperity._core.output import write_json, write_whole
+from asperity.errors import AsperityError
 from asperity.psychophysics.analysis.adjustments import (
     adjustment_rows,
     analyse_adjustments,
     measures_by_standard,
 )
-from asperity.psychophysics.analysis.catch_trials import catch_summary
 from asperity.psychophysics.analysis.detection import analyse_detection, detection_rows
-from asperity.psychophysics.analysis.group import Group, group
+from asperity.psychophysics.analysis.group import Group, compare, group, plain
 from asperity.psychophysics.analysis.magnitudes import Magnitudes, analyse_magnitudes
 from asperity.psychophysics.analysis.methods import methods_text
-from asperity.psychophysics.analysis.results import SessionResult
+from asperity.psychophysics.analysis.results import SessionResult, catch_summary
 from asperity.psychophysics.analysis.scales import (
     Scale,
     circular_triads,
@@ -96,24 +97,20 @@ def magnitudes_summary(found: Magnitudes) -> dict[str, Any]:
         }  # fmt: skip
     exponent = None
     if found.exponent is not None:
-        exponent = dict(zip(("slope", "low", "high"), _plain(found.exponent), strict=True))
+        exponent = dict(zip(("slope", "low", "high"), plain(found.exponent), strict=True))
     return {
-        "stimuli": list(found.names), "values": _plain(found.values), "mean": _plain(found.mean),
-        "low": _plain(found.low), "high": _plain(found.high),
+        "stimuli": list(found.names), "values": plain(found.values), "mean": plain(found.mean),
+        "low": plain(found.low), "high": plain(found.high),
         "by_session": {
-            name: _plain(row)
+            name: plain(row)
             for name, row in zip(found.sessions, found.by_session, strict=True)
         },
         "quadratic": quadratic, "power_law": exponent,
         "exponents": {
-            name: dict(zip(("exponent", "exponent_low", "exponent_high"), _plain(one), strict=True))
+            name: dict(zip(("exponent", "exponent_low", "exponent_high"), plain(one), strict=True))
             for name, one in found.exponents.items()
         },
     }  # fmt: skip
-
-
-def _plain(values: Any) -> list[float | None]:
-    return [float(v) if np.isfinite(v) else None for v in values]
 
 
 def analyse(
@@ -147,7 +144,7 @@ def analyse_condition(
     Groups are means over participants, by measure.
     """
     from asperity.drawing import figure_style
-    from asperity.psychophysics.analysis import figures, group_figures, procedure_figures
+    from asperity.psychophysics.analysis import figures, group_figures
 
     design = results[0].design
     summary: dict[str, Any] = {
@@ -182,13 +179,13 @@ def analyse_condition(
         write_whole(folder / "thresholds.csv", as_csv(COLUMNS, rows))
     elif design.method == "yes-no":
         summary["yes-no"] = analyse_detection(results, options.confidence)
-        figure = procedure_figures.detection_figure(summary["yes-no"], design)
+        figure = figures.detection_figure(summary["yes-no"], design)
         figure_style.save(figure, folder, "detection")
         tidy = detection_rows(summary["yes-no"])
         write_whole(folder / "detection.csv", as_csv(tuple(tidy[0]) if tidy else (), tidy))
     elif design.kind == "adjust":
         summary[design.method] = analyse_adjustments(results, options.confidence)
-        figure = procedure_figures.adjustments_figure(summary[design.method], design)
+        figure = figures.adjustments_figure(summary[design.method], design)
         figure_style.save(figure, folder, "adjustments")
         tidy = adjustment_rows(summary[design.method])
         write_whole(folder / "adjustments.csv", as_csv(tuple(tidy[0]), tidy))
@@ -256,3 +253,89 @@ def write_answers(conditions: dict[str, list[SessionResult]], folder: Path) -> N
         for name, results in conditions.items() for result in results for row in result.rows
     ]  # fmt: skip
     write_whole(folder / "answers.csv", as_csv(("condition", *ANSWER_COLUMNS), rows))
+
+
+def analyse_conditions(
+    conditions: dict[str, list[SessionResult]], folder: Path, options: AnalysisOptions,
+    on_session: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:  # fmt: skip
+    """Analyse several experiments, and compare them as conditions within people.
+
+    Each condition's files are in a separate folder; beside them are `comparison.json`, the tables
+    of all conditions, and a figure for each measure that is compared.
+
+    Parameters
+    ----------
+    conditions : dict of list of SessionResult, by name
+        All of one method.
+    folder : Path
+        An existing folder.
+    options : AnalysisOptions
+    on_session : callable, optional
+        As of `analyse`.
+
+    Raises
+    ------
+    AsperityError
+        The conditions are not of one method.
+    """
+    from asperity.drawing import figure_style
+    from asperity.psychophysics.analysis import group_figures
+
+    methods = {name: results[0].design.method for name, results in conditions.items()}
+    if len(set(methods.values())) > 1:
+        raise AsperityError(
+            "conditions must be of one method to be compared, got "
+            + ", ".join(f"{name} ({method})" for name, method in methods.items())
+        )
+    summary: dict[str, Any] = {
+        "schema": 1, "method": next(iter(methods.values())), "confidence": options.confidence,
+        "conditions": {}, "comparisons": {},
+    }  # fmt: skip
+    groups: dict[str, dict[str, Group]] = {}
+    rows: list[dict[str, Any]] = []
+    for name, results in conditions.items():
+        own = folder / file_name(name)
+        own.mkdir()
+        summary["conditions"][name], more, found = analyse_condition(
+            results, name, own, options, on_session
+        )
+        rows += more
+        for measure, one in found.items():
+            groups.setdefault(measure, {})[name] = one
+    designs = {name: results[0].design for name, results in conditions.items()}
+    for measure, by_condition in groups.items():
+        compared = compare(by_condition, options.confidence)
+        summary["comparisons"][measure] = [one.summary for one in compared]
+        figure = group_figures.conditions_figure(
+            measure, by_condition, compared, designs, options.proportion
+        )
+        figure_style.save(figure, folder, f"comparison_{measure}")
+    if rows:
+        write_whole(folder / "thresholds.csv", as_csv(COLUMNS, rows))
+    summary["notes"] = _shared_orders(conditions)
+    everyone = [result for results in conditions.values() for result in results]
+    write_answers(conditions, folder)
+    write_whole(folder / "methods.md", methods_text(designs, everyone, options))
+    write_json(folder / "comparison.json", summary)
+    return summary
+
+
+def _shared_orders(conditions: dict[str, list[SessionResult]]) -> list[str]:
+    """Return a note if participants met the same random orders in several conditions."""
+    met: dict[tuple[int, str, int], str] = {}
+    for name, results in conditions.items():
+        for result in results:
+            key = (result.design.seed, result.participant, result.number)
+            if met.setdefault(key, name) != name:
+                return [
+                    f"{met[key]} and {name} have the same seed ({result.design.seed}), so "
+                    f"{result.participant} met the same random orders in both; give each condition "
+                    "its own seed"
+                ]
+    return []
+
+
+def file_name(name: str) -> str:
+    """Return a name as that of a file: letters, digits, dots, hyphens and underscores."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._") or "condition"

@@ -37,6 +37,8 @@ TASKS = ("2afc", "3afc", "oddity")
 """The larger of two, the largest of three, the odd one out of three."""
 MOST_D_PRIME = 20.0
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(200)
+_LEAST = 10
+"""Trials that a level needs to be listed."""
 _REACH = 9.0
 """Of the normal deviate in integrals."""
 
@@ -149,7 +151,7 @@ def task_of(design: ExperimentDesign) -> str | None:
 
 
 def choice_summary(
-    result: SessionResult, function: Any, confidence: float, least: int = 10
+    result: SessionResult, function: Any, confidence: float
 ) -> dict[str, Any] | None:
     """Return d' by level, and the level where the fitted function has a d' of 1.
 
@@ -160,8 +162,6 @@ def choice_summary(
     function : Psychometric or None
         As it was fitted.
     confidence : float
-    least : int
-        Trials that a level needs to be listed.
 
     Returns
     -------
@@ -186,7 +186,7 @@ def choice_summary(
         "levels": [
             {"level": level, "trials": len(was), "right": sum(was),
              **_named("d_prime", choice_d_prime(sum(was), len(was), task, confidence))}
-            for level, was in sorted(by_level.items()) if len(was) >= least
+            for level, was in sorted(by_level.items()) if len(was) >= _LEAST
         ],
     }  # fmt: skip
 
@@ -275,30 +275,3 @@ def detection_rows(sessions: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
          "trials_without": session["trials_without"], "false_alarms": session["false_alarms"]}
         for session in sessions for level in session["levels"]
     ]  # fmt: skip
-
-
-def detection_lines(sessions: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the main numbers of `analyse_detection`, a line each."""
-    lines = []
-    for session in sessions:
-        if not session["levels"]:
-            lines.append(f"{session['session']}: {session['not_fitted']}")
-        for level in session["levels"]:
-            lines.append(
-                f"{session['session']}: level {level['level']:.4g}: d' {level['d_prime']:.2f} "
-                f"({level['d_prime_low']:.2f} to {level['d_prime_high']:.2f}), "
-                f"c {level['criterion']:+.2f} ({level['criterion_low']:+.2f} to "
-                f"{level['criterion_high']:+.2f}), {level['trials']} + "
-                f"{session['trials_without']} trials"
-            )
-        fit = session.get("fit") or {}
-        if fit.get("level_at_1") is not None:
-            lines.append(
-                f"{session['session']}: d' is 1 at level {fit['level_at_1']:.4g} "
-                f"({fit['level_at_1_low']:.4g} to {fit['level_at_1_high']:.4g})"
-            )
-        elif fit:
-            lines.append(
-                f"{session['session']}: AT THE LIMIT OF THE SEARCH: no level of d' 1 found"
-            )
-    return lines

@@ -51,12 +51,12 @@ class Group:
         """The group as a dict of JSON values."""
         return {
             "participants": {
-                name: dict(zip(("value", "low", "high"), _plain(one), strict=True))
+                name: spanned(one)
                 for name, one in zip(self.participants, self.estimates, strict=True)
             },
-            "mean": dict(zip(("value", "low", "high"), _plain(self.mean), strict=True)),
+            "mean": spanned(self.mean),
             "geometric": self.logarithmic,
-            "sd_between_people": _plain((self.spread,))[0],
+            "sd_between_people": plain((self.spread,))[0],
         }  # fmt: skip
 
 
@@ -81,15 +81,13 @@ class PairedComparison:
     @property
     def summary(self) -> dict[str, Any]:
         """The comparison as a dict of JSON values."""
-        ends = ("value", "low", "high")
         return {
             "first": self.first, "second": self.second, "people": self.people,
-            "ratio" if self.logarithmic else "difference":
-                dict(zip(ends, _plain(self.effect), strict=True)),
-            "t": _plain((self.t,))[0], "degrees_of_freedom": self.people - 1, "p": self.p,
+            "ratio" if self.logarithmic else "difference": spanned(self.effect),
+            "t": plain((self.t,))[0], "degrees_of_freedom": self.people - 1, "p": self.p,
             "p_holm": self.p_holm,
-            "cohens_dz": dict(zip(ends, _plain(self.effect_size), strict=True)),
-            "hedges_gz": _plain((self.hedges,))[0],
+            "cohens_dz": spanned(self.effect_size),
+            "hedges_gz": plain((self.hedges,))[0],
         }  # fmt: skip
 
 
@@ -254,5 +252,11 @@ def holm(ps: list[float]) -> list[float]:
     return out
 
 
-def _plain(values: Any) -> list[float | None]:
+def plain(values: Any) -> list[float | None]:
+    """Return numbers for JSON; None for those that are not finite."""
     return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def spanned(estimate: Any) -> dict[str, float | None]:
+    """Return a value with the ends of its interval for JSON."""
+    return dict(zip(("value", "low", "high"), plain(estimate), strict=True))

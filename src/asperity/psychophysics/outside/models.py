@@ -38,9 +38,7 @@ def read_model(path: Path) -> dict[tuple[str, str], float]:
     return values
 
 
-def simulate_model(
-    path: Path, metric: str, hand: Hand | None = None
-) -> dict[tuple[str, str], float]:
+def simulate_model(path: Path, metric: str) -> dict[tuple[str, str], float]:
     """Return a metric of a drag over each stimulus of a table.
 
     Parameters
@@ -50,11 +48,10 @@ def simulate_model(
         height_mm, probe_mm, force_n, speed_mm_s; defaults are the middle levels of the studies.
     metric : str
         A key of `SIMULATED`.
-    hand : Hand, optional
     """
     require_choice("metric", metric, SIMULATED)
     measure: Measure = SIMULATED[metric]
-    table, lab, values = read_table(path), Laboratory(hand or Hand()), {}
+    table, lab, values = read_table(path), Laboratory(Hand()), {}
     for column in ("stimulus", "surface", "spacing_mm"):
         if column not in table.columns:
             raise AsperityError(

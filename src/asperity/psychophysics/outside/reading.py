@@ -10,21 +10,79 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asperity._core.arrays import Array
+from asperity._core.data import table_beside
 from asperity._core.files import text_of
 from asperity._core.text_form import MISSING
 from asperity.errors import AsperityError, require_choice
 from asperity.psychophysics.outside.answers import METHODS, Answers
-from asperity.psychophysics.outside.forms import FORMS, Form, psychopy_mapping
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+@dataclass(frozen=True)
+class Form:
+    """A table's form: how it is recognised and what its columns mean."""
+
+    name: str
+    has: Sequence[str]
+    """Columns by which it is recognised."""
+    mapping: Mapping[str, list[str]]
+    """Name in `METHODS`, or `condition` -> columns."""
+    only: Mapping[str, str] = field(default_factory=dict)
+    """Column -> the value of the rows that hold what is wanted."""
+    words: Mapping[str, str] = field(default_factory=dict)
+
+    def fits(self, table: pd.DataFrame) -> bool:
+        """Return whether a table has the form."""
+        return set(self.has) <= set(table.columns)
+
+
+FORMS = tuple(Form(**entry) for entry in table_beside(__file__, "forms.toml")["form"])
+
+_OWN = ("participant", "session", "date", "expName", "psychopyVersion", "frameRate", "expStart")
+
+
+def psychopy_mapping(
+    path: Path, columns: list[str], given: Mapping[str, list[str]]
+) -> dict[str, list[str]]:
+    """Return the mapping of PsychoPy's wide CSV: what is given, and the rest by its names.
+
+    A slider's answer is the one column that ends in `.response`, an answer by key in `.keys`; the
+    stimulus is the one column of the conditions' file, whose names have no dot. Where there are
+    several, `--columns` has to name one.
+    """
+    mapping = dict(given)
+    if "participant" not in mapping and "participant" in columns:
+        mapping["participant"] = ["participant"]
+    pair = {"first", "second"} <= {*mapping, *columns}
+    wanted, ending = ("chosen", ".keys") if pair else ("rating", ".response")
+    if wanted not in mapping and "rank" not in mapping:
+        mapping[wanted] = [_only(path, wanted, [c for c in columns if c.endswith(ending)])]
+    if not pair and "stimulus" not in mapping:
+        own = [
+            c for c in columns
+            if "." not in c and c not in _OWN and not c.startswith("Unnamed")
+            and [c] not in mapping.values()
+        ]  # fmt: skip
+        mapping["stimulus"] = [_only(path, "stimulus", own)]
+    return mapping
+
+
+def _only(path: Path, wanted: str, candidates: list[str]) -> str:
+    if len(candidates) != 1:
+        which = f"one of {', '.join(candidates[:8])}" if candidates else "a column"
+        raise AsperityError(f"{path}: say which column is the {wanted}: --columns {wanted}={which}")
+    return candidates[0]
+
 
 _LARGEST = 64 * 2**20
 """Largest file that is read [bytes]."""

@@ -9,23 +9,30 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from asperity.psychophysics.design import ExperimentDesign
-from asperity.psychophysics.procedures.adjusting import adjustments, ends_adjustment
-from asperity.psychophysics.procedures.catch import Trials, with_catch_trials
-from asperity.psychophysics.procedures.correct import interval_with_most, odd_interval
-from asperity.psychophysics.procedures.fixed import fixed_trials
+from asperity.psychophysics.procedures.fixed import (
+    adjustments,
+    ends_adjustment,
+    fixed_trials,
+    yes_no_catch,
+    yes_no_trials,
+)
 from asperity.psychophysics.procedures.orders import balanced_positions, participant_number
 from asperity.psychophysics.procedures.questplus import QuestPlus, QuestPlusSettings
 from asperity.psychophysics.procedures.staircase import Staircase, StaircaseSettings
-from asperity.psychophysics.procedures.yes_no import yes_no_catch, yes_no_trials
 from asperity.psychophysics.session.trials import Answer, Trial
-from asperity.psychophysics.settings import ConstantSettings, OddOneOutSettings, YesNoSettings
+from asperity.psychophysics.settings import (
+    ConstantSettings,
+    ForcedChoiceSettings,
+    OddOneOutSettings,
+    YesNoSettings,
+)
 
 
 class Procedure:
@@ -255,3 +262,64 @@ def quest_plus(design: ExperimentDesign) -> QuestPlus:
         np.linspace(low, high, adaptive.levels), np.linspace(low, high, adaptive.thresholds),
         np.array(adaptive.widths), np.array(adaptive.lapses), settings.guess, adaptive.function,
     )  # fmt: skip
+
+
+def interval_with_most(values: Sequence[float], settings: ForcedChoiceSettings) -> int | None:
+    """Return the interval, from 1, whose value has more than all others; None if none has."""
+    return next((
+        i for i, (value, others) in enumerate(_each_and_others(values), 1)
+        if all(settings.has_more(value, other) for other in others)
+    ), None)  # fmt: skip
+
+
+def _each_and_others(values: Sequence[float]) -> Iterator[tuple[float, list[float]]]:
+    return ((value, [*values[:i], *values[i + 1 :]]) for i, value in enumerate(values))
+
+
+def odd_interval(values: Sequence[float]) -> int | None:
+    """Return the interval, from 1, that differs from two equal ones; None if none does."""
+    return next((
+        i for i, (value, others) in enumerate(_each_and_others(values), 1)
+        if len(set(others)) == 1 and value not in others
+    ), None)  # fmt: skip
+
+
+Trials = Generator[Trial, Answer, None]
+"""Yields trials; is sent the answer to each."""
+_STREAM = 0xCA7C
+"""Separates the random numbers of catch trials from those of the procedure."""
+
+
+def with_catch_trials(
+    trials: Trials, every: int, seed: list[int],
+    make: Callable[[int, np.random.Generator], Trial],
+) -> Trials:  # fmt: skip
+    """Yield trials with a catch trial before a random one of every so many; numbered anew.
+
+    Parameters
+    ----------
+    trials : generator of Trial
+        Practice trials stay without.
+    every : int
+        1 or more.
+    seed : list of int
+    make : callable
+        Returns the catch trial of a number, from random numbers.
+    """
+    rng, number, since = np.random.default_rng([*seed, _STREAM]), 0, 0
+    place = int(rng.integers(every))
+    trial = next(trials, None)
+    while trial is not None:
+        if not trial.practice:
+            if since == place:
+                number += 1
+                yield replace(make(number, rng), catch=True)
+            since += 1
+            if since == every:
+                since, place = 0, int(rng.integers(every))
+        number += 1
+        answer = yield replace(trial, number=number)
+        try:
+            trial = trials.send(answer)
+        except StopIteration:
+            return

@@ -133,24 +133,15 @@ class Staircase:
         # Rounded, so that different step sequences to one level give the same number.
         self.intensity = round(min(max(self.intensity + size, self.low), self.high), 12)
 
-    def threshold(self, discarded: int = 4) -> float:
-        """Return the mean intensity of the reversals, without the first ones.
+    def threshold(self) -> float:
+        """Return the mean intensity of the reversals, NaN before there are two of them.
 
-        The number of reversals averaged is even, so that peaks and valleys count equally.
-
-        Parameters
-        ----------
-        discarded : int
-            Reversals left out while the track descends from its start, if enough others remain.
-            The default is a project choice.
-
-        Returns
-        -------
-        float
-            NaN before there are two reversals.
+        The first four are left out where enough others remain, as the track descends from its start
+        (a project choice). The number of reversals averaged is even, so that peaks and valleys
+        count equally.
         """
         kept = self.reversal_intensities
-        if len(kept) > discarded + 1:
-            kept = kept[discarded:]
+        if len(kept) > 5:
+            kept = kept[4:]
         kept = kept[len(kept) % 2 :]
         return sum(kept) / len(kept) if kept else float("nan")

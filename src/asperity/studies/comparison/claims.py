@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from asperity._core.data import table_beside
 from asperity._core.output import write_whole
 from asperity.errors import AsperityError, did_you_mean
 from asperity.studies.baselines import Method
@@ -35,78 +36,8 @@ class MeasuredClaim(NamedTuple):
 
 
 CLAIMS = {
-    "offset": MeasuredClaim(
-        "offset surface",
-        "balls of 0.5, 1.5 and 3 mm: RMS difference between the tangential force and the normal "
-        "force times the slope of the ball's offset surface (closed form), over the RMS of that",
-        "%", 5.0, False,
-    ),
-    "size": MeasuredClaim(
-        "size of the probe",
-        "RMS tangential force with balls of 0.5, 1.5 and 3 mm: largest less smallest, over mean",
-        "%", 10.0, True,
-    ),
-    "force": MeasuredClaim(
-        "normal force",
-        "RMS tangential force pressed with 0.87 N over that with 0.29 N",
-        "times", 1.5, True,
-    ),
-    "torque": MeasuredClaim(
-        "torque by texture",
-        "a flat foot of 6 x 3 mm: RMS change of the torque about the middle of its sole, over the "
-        "normal force and half its length; no if half as much is felt without texture",
-        "%", 1.0, True,
-    ),
-    "turning": MeasuredClaim(
-        "turning in place",
-        "the foot with these waves turned by 40 degrees about the vertical: RMS change of the "
-        "vertical torque, over the normal force and half its length; no if half as much is felt "
-        "without texture",
-        "%", 1.0, True,
-    ),
-    "tool": MeasuredClaim(
-        "texture of the tool",
-        "the foot with waves of 1.3 mm: RMS change of the tangential force by them, "
-        "over the normal force",
-        "%", 1.0, True,
-    ),
-    "centre": MeasuredClaim(
-        "centre of pressure",
-        "the foot on a plate without texture, as one box and as four, straight and turned by 30 "
-        "degrees: largest distance of the centre of pressure from the middle",
-        "um", 50.0, False,
-    ),
-    "silence": MeasuredClaim(
-        "silence on a smooth plate",
-        "RMS tangential force on the plate without texture, over the normal force, with the "
-        "noisier of balls of 0.5 and 3 mm",
-        "%", 1.0, False,
-    ),
-    "meshing": MeasuredClaim(
-        "invariance to meshing",
-        "the plate as 4 and as 16 boxes against one: RMS difference of the force on the ball, over "
-        "the RMS tangential force, or of the force on the foot without texture, over that force",
-        "%", 2.0, False,
-    ),
-    "energy": MeasuredClaim(
-        "no work round a loop",
-        "a closed path of the ball, and one of the foot that also turns: net work over the work to "
-        "and fro",
-        "%", 1.0, False,
-    ),
-    "speed": MeasuredClaim(
-        "the same at any speed",
-        "RMS tangential force at 166 mm/s less that at 42 mm/s, over it, in size; a rigid surface "
-        "pushes the same at any speed, and what speed changes is the hand's motion",
-        "%", 10.0, False,
-    ),
-    "frequency": MeasuredClaim(
-        "frequency follows speed",
-        "share of the power of the tangential force within a quarter of speed / wavelength, at 42 "
-        "and 166 mm/s: largest difference from that of the offset surface, in points",
-        "%", 10.0, False,
-    ),
-}  # fmt: skip
+    name: MeasuredClaim(**entry) for name, entry in table_beside(__file__, "claims.toml").items()
+}
 """In the order of the tables."""
 _STORE = Path(__file__).with_name("claims.json")
 STEPS = len(CLAIMS) + 1

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import csv
-import json
 import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asperity._core.output import write_whole
+from asperity._core.output import write_json, write_whole
 from asperity.drawing import figure_style
 from asperity.studies.comparison import figures
 from asperity.studies.comparison.claims import CLAIMS
@@ -20,8 +19,7 @@ from asperity.studies.comparison.page import FIGURES, markdown, page
 
 def write_comparison(result: Comparison, folder: Path, command: str) -> None:
     """Fill a folder: comparison.json, methods.csv, traces.csv, figures, comparison.md and .html."""
-    text = json.dumps(summary(result, command), indent=2, allow_nan=False)
-    (folder / "comparison.json").write_text(text + "\n", "utf-8")
+    write_json(folder / "comparison.json", summary(result, command))
     _methods_csv(result, folder / "methods.csv")
     _traces_csv(result, folder / "traces.csv")
     if figures.done_rows(result):

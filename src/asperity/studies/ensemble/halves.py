@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.dynamics.dragged_hand.normal_motion import NormalProbe
 from asperity.runs.vibration_metrics import DEFAULT_BAND
 from asperity.studies.ensemble.members import PATHS, ensemble_hands
 from asperity.studies.ensemble.processes import over_items
@@ -31,6 +32,7 @@ from asperity.studies.literature.fit import as_json
 from asperity.studies.literature.laboratory import Laboratory, Plan, Tables, judge_or_explain
 from asperity.studies.literature.measures import COLUMNS, PAPER, SKIN_MEASURES, Measure
 from asperity.studies.literature.plates import Dots
+from asperity.studies.skin.pressed_finger import PressedFinger
 
 PLATES = tuple(
     Dots(height=height, seed=seed, lines=PATHS)
@@ -85,6 +87,17 @@ def draw_halves(ids: Sequence[str], seed: int = SPLIT_SEED) -> NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
+class Design:
+    """A model and a metric."""
+
+    measure: Measure
+    lift_off: bool = False
+    """Whether the probe has a mass along the normal and may lose contact."""
+    skin: bool = False
+    """Whether a finger is judged by the pressure on its skin instead of by vibration."""
+
+
+@dataclass(frozen=True)
 class FindingsTable:
     """Which member gets which finding, under which metric."""
 
@@ -112,37 +125,51 @@ def judge_ensemble(
     measures = measures or candidates()
     hands = tuple(hands or ensemble_hands())
     findings = findings or counted_findings()
-    judge = functools.partial(
-        _judge_hand, measures=measures, names=[finding.id for finding in findings], plates=plates
-    )
-    found = over_items(judge, hands, processes=processes, progress=progress)
-    return FindingsTable(findings, measures, hands, np.stack(found))
+    tried = tuple(map(Design, measures))
+    holds = judge_designs(tried, hands, findings, plates, processes, progress)
+    return FindingsTable(findings, measures, hands, holds)
 
 
 _TABLES: Tables = {}
 """Slope tables of this process; they do not depend on the hand."""
 
 
+def judge_designs(
+    tried: tuple[Design, ...], hands: Sequence[Hand], findings: Sequence[Finding],
+    plates: tuple[Dots, ...], processes: int | None, progress: Callable[[], None] | None,
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Return the verdicts, shape (hands, plates, designs, findings)."""
+    judge = functools.partial(
+        _judge_hand, tried=tried, names=[finding.id for finding in findings], plates=plates
+    )
+    return np.stack(over_items(judge, hands, processes=processes, progress=progress))
+
+
 def _judge_hand(
-    hand: Hand,
-    measures: tuple[Measure, ...],
-    names: Sequence[str],
-    plates: tuple[Dots, ...],
+    hand: Hand, tried: tuple[Design, ...], names: Sequence[str], plates: tuple[Dots, ...]
 ) -> NDArray[np.bool_]:
-    """Return the verdicts of one hand, shape (plates, metrics, findings)."""
+    """Return the verdicts of one hand, shape (plates, designs, findings)."""
     by_name = {finding.id: finding for finding in FINDINGS}
-    shared: dict[Any, Any] = {}
-    records: dict[Any, Any] = {}
-    holds = np.zeros((len(plates), len(measures), len(names)), dtype=bool)
-    for i, dots in enumerate(plates):
-        # Conditions without dots are the same for every plate: their drags and curves are shared.
-        lab = Laboratory(
-            hand, Plan(spacings=SPACINGS, heights=(0.5 * dots.height, dots.height)), dots=dots,
-            sinusoids=dots, tables=_TABLES, measures=measures, _curves=shared, _records=records,
-        )  # fmt: skip
-        for j, measure in enumerate(measures):
-            for k, name in enumerate(names):
-                holds[i, j, k] = bool(judge_or_explain(by_name[name], lab, measure).holds)
+    holds = np.zeros((len(plates), len(tried), len(names)), dtype=bool)
+    for lift_off in (False, True):
+        kept = [j for j, design in enumerate(tried) if design.lift_off is lift_off]
+        measures = tuple(dict.fromkeys(tried[j].measure for j in kept))
+        curves: dict[Any, Any] = {}
+        records: dict[Any, Any] = {}
+        for i, dots in enumerate(plates):
+            for j in kept:
+                # Drags do not depend on the skin, nor those without dots on the plate: they are
+                # shared.
+                lab = Laboratory(
+                    hand, Plan(spacings=SPACINGS, heights=(0.5 * dots.height, dots.height)),
+                    dots=dots, sinusoids=dots, measures=measures, tables=_TABLES,
+                    normal=NormalProbe() if lift_off else None,
+                    skin=PressedFinger() if tried[j].skin else None,
+                    _curves=curves, _records=records,
+                )  # fmt: skip
+                for k, name in enumerate(names):
+                    verdict = judge_or_explain(by_name[name], lab, tried[j].measure)
+                    holds[i, j, k] = bool(verdict.holds)
     return holds
 
 

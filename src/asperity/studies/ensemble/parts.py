@@ -9,7 +9,6 @@ that they can be shown, and count for nothing. Nothing is chosen here, and nothi
 
 from __future__ import annotations
 
-import functools
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -19,35 +18,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.data import table_beside
 from asperity.dynamics.dragged_hand.hand import Hand
-from asperity.dynamics.dragged_hand.normal_motion import NormalProbe
-from asperity.studies.ensemble.halves import PLATES, SPACINGS, counted_findings
+from asperity.studies.ensemble.halves import (
+    PLATES,
+    Design,
+    counted_findings,
+    judge_designs,
+)
 from asperity.studies.ensemble.members import ensemble_hands
-from asperity.studies.ensemble.processes import as_text, from_text, over_items
+from asperity.studies.ensemble.processes import as_texts, from_texts
 from asperity.studies.literature.catalogue import FINDINGS
 from asperity.studies.literature.finding import Finding
 from asperity.studies.literature.fit import as_json
 from asperity.studies.literature.halves_page import chosen_measure, read_published_halves
-from asperity.studies.literature.laboratory import Laboratory, Plan, Tables, judge_or_explain
 from asperity.studies.literature.measures import COLUMNS, PAPER, Measure
 from asperity.studies.literature.plates import Dots
 from asperity.studies.skin.channels import CHANNELS
-from asperity.studies.skin.pressed_finger import PressedFinger
 
 SPEED_BY_FINGER = ("finger.speed", "finger.groove_over_rate", "finger.textures")
 """Findings that the pressure on the skin cannot fail, since it knows no speed."""
 PUBLISHED = Path(__file__).with_name("published_parts.json")
-
-
-@dataclass(frozen=True)
-class Design:
-    """A model and a metric."""
-
-    measure: Measure
-    lift_off: bool = False
-    """Whether the probe has a mass along the normal and may lose contact."""
-    skin: bool = False
-    """Whether a finger is judged by the pressure on its skin instead of by vibration."""
 
 
 def designs() -> dict[str, Design]:
@@ -140,45 +131,9 @@ def judge_parts(
     chosen = chosen or designs()
     hands = tuple(hands or ensemble_hands())
     findings = findings or judged_findings()
-    judge = functools.partial(
-        _judge_hand, tried=tuple(chosen.values()), names=[one.id for one in findings],
-        plates=plates,
-    )  # fmt: skip
-    found = over_items(judge, hands, processes=processes, progress=progress)
-    return PartsTable(findings, chosen, hands, plates, np.stack(found))
-
-
-_TABLES: Tables = {}
-"""Slope tables of this process; they do not depend on the hand."""
-
-
-def _judge_hand(
-    hand: Hand, tried: tuple[Design, ...], names: Sequence[str], plates: tuple[Dots, ...]
-) -> NDArray[np.bool_]:
-    """Return the verdicts of one hand, shape (plates, designs, findings)."""
-    by_name = {finding.id: finding for finding in FINDINGS}
-    holds = np.zeros((len(plates), len(tried), len(names)), dtype=bool)
-    for lift_off in (False, True):
-        measures = tuple(dict.fromkeys(one.measure for one in tried if one.lift_off is lift_off))
-        curves: dict[Any, Any] = {}
-        records: dict[Any, Any] = {}
-        for i, dots in enumerate(plates):
-            for j, design in enumerate(tried):
-                if design.lift_off is not lift_off:
-                    continue
-                # Drags do not depend on the skin, nor those without dots on the plate: they are
-                # shared.
-                lab = Laboratory(
-                    hand, Plan(spacings=SPACINGS, heights=(0.5 * dots.height, dots.height)),
-                    dots=dots, sinusoids=dots, measures=measures, tables=_TABLES,
-                    normal=NormalProbe() if lift_off else None,
-                    skin=PressedFinger() if design.skin else None,
-                    _curves=curves, _records=records,
-                )  # fmt: skip
-                for k, name in enumerate(names):
-                    verdict = judge_or_explain(by_name[name], lab, design.measure)
-                    holds[i, j, k] = bool(verdict.holds)
-    return holds
+    tried = tuple(chosen.values())
+    holds = judge_designs(tried, hands, findings, plates, processes, progress)
+    return PartsTable(findings, chosen, hands, plates, holds)
 
 
 def parts_document(table: PartsTable) -> dict[str, Any]:
@@ -193,10 +148,7 @@ def parts_document(table: PartsTable) -> dict[str, Any]:
             name: as_json(design.measure) | {"lift_off": design.lift_off, "skin": design.skin}
             for name, design in table.designs.items()
         },
-        "holds": {
-            name: {one: as_text(table.of(name)[..., k]) for k, one in enumerate(ids)}
-            for name in table.designs
-        },
+        "holds": as_texts(table.holds, table.designs, ids),
     }  # fmt: skip
 
 
@@ -209,30 +161,11 @@ def read_parts(path: Path = PUBLISHED) -> PartsTable:
     plates = tuple(Dots(**one) for one in stored["plates"])
     kept = {name: tried[name] for name in stored["holds"]}
     ids = list(next(iter(stored["holds"].values())))
-    holds = [
-        [from_text(stored["holds"][name][one], (len(hands), len(plates))) for one in ids]
-        for name in kept
-    ]
-    return PartsTable(
-        tuple(by_name[one] for one in ids), kept, hands, plates,
-        np.moveaxis(np.array(holds), (0, 1), (2, 3)),
-    )  # fmt: skip
+    holds = from_texts(stored["holds"], len(hands), len(plates))
+    return PartsTable(tuple(by_name[one] for one in ids), kept, hands, plates, holds)
 
 
-PAIRS = (
-    ("lift-off", "max u''", "paper", "paper_lift"),
-    ("lift-off", "band", "band", "band_lift"),
-    ("lift-off", "choice", "chosen", "chosen_lift"),
-    ("tissue from grip to skin", "SA1", "sa1", "sa1_tissue"),
-    ("tissue from grip to skin", "FA1", "fa1", "fa1_tissue"),
-    ("tissue from grip to skin", "FA2", "fa2", "fa2_tissue"),
-    ("tissue from grip to skin", "all channels, pooled", "pooled", "pooled_tissue"),
-    ("saturating pooling", "all channels, through tissue", "summed_tissue", "pooled_tissue"),
-    ("skin under the finger", "band", "band", "band_skin"),
-    ("skin under the finger", "all channels, pooled", "pooled_tissue", "pooled_tissue_skin"),
-    ("channels, tissue, pooling", "in place of the band", "band", "pooled_tissue"),
-    ("every part", "in place of the band", "band", "pooled_tissue_lift_skin"),
-)
+PAIRS = [tuple(pair) for pair in table_beside(__file__, "parts.toml")["pairs"]]
 """Each part: by which metric it is judged, the design without it and the design with it."""
 CHANGED = 0.2
 """Least difference of two shares of the ensemble that is named."""

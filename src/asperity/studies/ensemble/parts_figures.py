@@ -8,37 +8,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from asperity._core.data import table_beside
 from asperity.drawing.figure_style import COLUMN_WIDTH, SMALLEST, style
 from asperity.drawing.shares import draw_shares, hands_grid, make_bare
 from asperity.studies.ensemble.parts import PartsTable
 from asperity.studies.literature.halves_page import half_of, read_published_halves
 
-SHOWN = (
-    ("vibration of the hand", (("paper", "max u''"), ("band", "20-200 Hz"), ("chosen", "choice"))),
-    ("the skin's channels", (
-        ("sa1_tissue", "SA1"), ("fa1_tissue", "FA1"), ("fa2_tissue", "FA2"),
-        ("pooled_tissue", "pooled"),
-    )),
-    ("parts added", (
-        ("band_lift", "band, lift-off"), ("band_skin", "band, skin"),
-        ("pooled_tissue_lift_skin", "pooled, both"),
-    )),
-)  # fmt: skip
+_TABLES = table_beside(__file__, "parts.toml")
+SHOWN = _TABLES["shown"]
 """Groups of columns: designs, and what stands above them."""
-GROUPS = (
-    ("Through a probe: size, force, place of the peak", (
-        "probe.inverted_u", "diameter.higher", "diameter.smaller_spacing", "force.place",
-        "drop.follows", "drop.near", "static.too_low", "cones.inverted_u", "cones.probe_size",
-    )),
-    ("Through a probe: speed", ("speed.large", "speed.small", "speed.peak", "passive.speed")),
-    ("Through a probe: other surfaces", ("gratings.level", "grit.generated", "sinusoids.descend")),
-    ("Bare finger, or finger beside probe", (
-        "finger.line", "finger.dots", "finger.jitter", "finger.small_elements", "finger.ridges",
-        "finger.speed", "finger.groove_over_rate", "finger.textures", "finger.low_relief",
-        "gratings.groove", "textures.alike",
-    )),
-    ("By construction: not counted", ("force.rougher", "finger.force", "probe.smoothest")),
-)  # fmt: skip
+GROUPS = _TABLES["groups"]
 """The findings of the picture by what they are about."""
 FLIPPING = ("speed.large", "speed.small", "speed.peak", "drop.near")
 """Findings that depend most on the hand."""

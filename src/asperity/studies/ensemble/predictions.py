@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from asperity import __version__
 from asperity._core.output import write_whole
+from asperity.drawing.pages import render
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError
 from asperity.studies.ensemble.members import DAMPINGS, MASSES, PATHS, STIFFNESSES, ensemble_hands
@@ -210,30 +211,12 @@ def content_hash(content: dict[str, Any]) -> str:
 
 def page(found: dict[str, Any]) -> str:
     """Return the document as Markdown."""
-    metrics = found["metrics"]
-    heads = [name.replace("|", "\\|") for name in metrics.values()]
-    lines = [
-        "<!-- Made by `asperity findings --predictions docs/predictions`: do not edit. -->", "",
-        f"# Predictions of {found['date']}", "",
-        f"Made by asperity {found['asperity']} before any data on these conditions were seen. "
-        f"SHA-256 of the content: `{found['sha256']}` (`{found['date']}.json`).", "",
-        "Each row is log10 of roughness in the first condition over the second: median, and the "
-        "central 90 % over the ensemble (hands of 0.02 to 0.2 kg, 100 to 1000 N/m, 1 to 10 N s/m, "
-        "times two plates of jittered dots). 0.3 is twice as rough by the metric; people's numbers "
-        "follow a metric by a power of their own, so signs and orders are the test, not sizes. A "
-        "row whose interval does not hold 0 is a prediction of a sign; the others say that the "
-        "model does not know. That more force is rougher is so by construction (Eq. 6 has the "
-        "force as a factor) and tests nothing.", "",
-        "**What was fitted on what.**", "",
-        *(f"- {metrics[name]}: {text}" for name, text in found["fitted_on"].items()), "",
-        f"| contrast | {' | '.join(heads)} |",
-        "|---|" + "---|" * len(metrics),
-    ]  # fmt: skip
-    for row in found["predictions"]:
-        cells = [_cell(row["log10_ratio"][name]) for name in metrics]
-        lines.append(f"| {row['contrast']} | {' | '.join(cells)} |")
-    lines += ["", "Bold: the interval does not hold 0.", ""]
-    return "\n".join(lines)
+    rows = [
+        (row["contrast"], [_cell(row["log10_ratio"][name]) for name in found["metrics"]])
+        for row in found["predictions"]
+    ]
+    heads = [name.replace("|", "\\|") for name in found["metrics"].values()]
+    return render("predictions.md", found=found, heads=heads, rows=rows)
 
 
 def _cell(values: dict[str, float]) -> str:

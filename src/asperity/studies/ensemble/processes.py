@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import TypeVar
 
@@ -62,6 +62,24 @@ def over_items(
 def as_text(holds: NDArray[np.bool_]) -> str:
     """Return verdicts as a text of 0 and 1, the last axis running fastest."""
     return "".join("01"[one] for one in holds.ravel().tolist())
+
+
+def as_texts(
+    holds: NDArray[np.bool_], metrics: Iterable[str], ids: Sequence[str]
+) -> dict[str, dict[str, str]]:
+    """Return verdicts (hands, plates, metrics, ids) as texts by metric and by id."""
+    return {
+        metric: {one: as_text(holds[:, :, i, j]) for j, one in enumerate(ids)}
+        for i, metric in enumerate(metrics)
+    }
+
+
+def from_texts(
+    stored: Mapping[str, Mapping[str, str]], hands: int, plates: int
+) -> NDArray[np.bool_]:
+    """Return the verdicts of `as_texts` for so many hands and plates."""
+    holds = [[from_text(text, (hands, plates)) for text in row.values()] for row in stored.values()]
+    return np.moveaxis(np.array(holds), (0, 1), (2, 3))
 
 
 def from_text(text: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:

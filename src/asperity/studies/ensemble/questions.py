@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.data import table_beside
 from asperity.studies.literature import criteria
 from asperity.studies.literature.finding import Verdict
 from asperity.studies.otaduy_lin_2004.claims import LEAST_R_SQUARED, NEARLY_CONSTANT
@@ -58,52 +59,17 @@ def constant_at_small(spacing: Curves, curves: Curves) -> Verdict:
     return Verdict(spread <= NEARLY_CONSTANT, {"spread": spread})
 
 
-_OWN = "[OL] 4.2"
-_PLATE_1, _PLATE_2, _PLATE_3 = "colour plate 1", "colour plate 2", "colour plate 3"
-PAPER_CLAIMS = (
-    PlateClaim("diameter.quadratic", "Quadratic over spacing in log-log", f"{_OWN}, {_PLATE_1}",
-               "diameter", quadratic_fits),
-    PlateClaim("diameter.peak_higher", "A smaller probe has a higher peak", f"{_OWN}, {_PLATE_1}",
-               "diameter", criteria.peaks_fall_with),
-    PlateClaim("diameter.peak_smaller_spacing", "A smaller probe peaks at a smaller spacing",
-               f"{_OWN}, {_PLATE_1}", "diameter", criteria.peaks_move_right),
-    PlateClaim("force.more_everywhere", "More force gives more, at every spacing",
-               f"{_OWN}, {_PLATE_2}", "force", criteria.rises_everywhere, by_construction=True),
-    PlateClaim("force.peak_stays", "More force hardly moves the peak", f"{_OWN}, {_PLATE_2}",
-               "force", criteria.peaks_stay),
-    PlateClaim("speed.faster_at_large", "Faster gives more at 2.5 mm", f"{_OWN}, {_PLATE_3}",
-               "speed", criteria.rises_at_large),
-    PlateClaim("speed.faster_at_largest", "Faster gives more at 3.5 mm", f"{_OWN}, {_PLATE_3}",
-               "speed", rises_at_largest),
-    PlateClaim("speed.peak_moves_right", "A faster probe peaks at a larger spacing",
-               f"[OL] 3.1, {_PLATE_3}: of people; the text does not say it of the simulation",
-               "speed", criteria.peaks_move_right),
-    PlateClaim("speed.constant_at_small", "At 0.5 mm nearly constant with speed (its own failure)",
-               f"{_OWN}: the failure that the paper reports", "speed", constant_at_small),
-)  # fmt: skip
+def _claims_of(question: str) -> tuple[PlateClaim, ...]:
+    def rule(name: str) -> Callable[[Curves, Curves], Verdict]:
+        found: Callable[[Curves, Curves], Verdict] = globals().get(name) or getattr(criteria, name)
+        return found
+
+    return tuple(PlateClaim(**entry | {"rule": rule(entry["rule"])}) for entry in _TABLES[question])
+
+
+_TABLES = table_beside(__file__, "questions.toml")
+PAPER_CLAIMS = _claims_of("paper")
 """The nine of question (a): over sinusoids, by max u''."""
 
-_PEOPLE = {
-    "diameter": "[OL] 3.1, after Lederman et al. (2000)",
-    "force": "[OL] 3.1, after Lederman et al. (2000)",
-    "speed": "[OL] 3.1, after Lederman et al. (1999)",
-}
-PEOPLE_CLAIMS = (
-    PlateClaim("diameter.inverted_u", "An inverted U over spacing",
-               "[OL] 3.1, after Klatzky & Lederman (1999)", "diameter", criteria.inverted_u),
-    PlateClaim("diameter.peak_higher", "A smaller probe is rougher at its peak",
-               _PEOPLE["diameter"], "diameter", criteria.peaks_fall_with),
-    PlateClaim("diameter.peak_smaller_spacing", "A smaller probe peaks at a smaller spacing",
-               _PEOPLE["diameter"], "diameter", criteria.peaks_move_right),
-    PlateClaim("force.more_everywhere", "More force is rougher, at every spacing",
-               _PEOPLE["force"], "force", criteria.rises_everywhere, by_construction=True),
-    PlateClaim("force.peak_stays", "More force hardly moves the peak", _PEOPLE["force"], "force",
-               criteria.peaks_stay),
-    PlateClaim("speed.faster_at_large", "Faster is rougher at large spacing", _PEOPLE["speed"],
-               "speed", criteria.rises_at_large),
-    PlateClaim("speed.slower_at_small", "Slower is rougher at small spacing", _PEOPLE["speed"],
-               "speed", criteria.falls_at_small),
-    PlateClaim("speed.peak_moves_right", "A faster probe peaks at a larger spacing",
-               _PEOPLE["speed"], "speed", criteria.peaks_move_right),
-)  # fmt: skip
+PEOPLE_CLAIMS = _claims_of("people")
 """The eight of question (b): over jittered dots, by every metric."""

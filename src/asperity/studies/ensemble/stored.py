@@ -7,11 +7,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError
-from asperity.studies.ensemble.processes import as_text, from_text
+from asperity.studies.ensemble.processes import as_texts, from_texts
 from asperity.studies.ensemble.questions import PAPER_CLAIMS, PEOPLE_CLAIMS, PlateClaim
 from asperity.studies.ensemble.run import Answer, EnsembleResult
 from asperity.studies.literature.plates import Dots, Sinusoids
@@ -26,13 +24,7 @@ def members_document(result: EnsembleResult) -> dict[str, Any]:
         name: {
             "hands": [asdict(hand) for hand in answer.hands],
             "plates": [asdict(plate) for plate in answer.plates],
-            "holds": {
-                metric: {
-                    claim.id: as_text(answer.holds[:, :, i, j])
-                    for j, claim in enumerate(answer.claims)
-                }
-                for i, metric in enumerate(answer.metrics)
-            },
+            "holds": as_texts(answer.holds, answer.metrics, [claim.id for claim in answer.claims]),
         }
         for name, answer in (("paper", result.paper), ("people", result.people))
     }
@@ -73,9 +65,5 @@ def _answer(
                 f"{path}: the claims of {metric} are not those of this version; run asperity "
                 "study --ensemble again"
             )
-    holds = [
-        [from_text(by_claim[one], (len(hands), len(plates))) for one in ids]
-        for by_claim in stored["holds"].values()
-    ]
-    table = np.moveaxis(np.array(holds), (0, 1), (2, 3))
+    table = from_texts(stored["holds"], len(hands), len(plates))
     return Answer(claims, tuple(stored["holds"]), hands, plates, table)

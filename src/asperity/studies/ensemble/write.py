@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -29,9 +28,7 @@ NOTED_HANDS = {"default hand": Hand(), "default hand, b = 10 N s/m": Hand(dampin
 def write_ensemble(result: EnsembleResult, folder: Path) -> dict[str, Any]:
     """Write ensemble.json, .csv and .md, members.json and two figures; return the summary."""
     summary = summarise(result)
-    (folder / "ensemble.json").write_text(
-        json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False) + "\n", "utf-8"
-    )
+    write_json(folder / "ensemble.json", summary)
     write_json(folder / "members.json", members_document(result))
     (folder / "ensemble.csv").write_text(members_csv(result), "utf-8")
     (folder / "ensemble.md").write_text("\n".join(tables(result)), "utf-8")

@@ -8,10 +8,9 @@ false: the seed paper's three effects had already been simulated with the studie
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import replace
-from pathlib import Path
 
+from asperity._core.data import table_beside
 from asperity.studies.literature import conditions, criteria, finger_conditions, virtual_conditions
 from asperity.studies.literature.conditions import at_drop_points, over
 from asperity.studies.literature.finding import Finding, Judge, Source, Sureness
@@ -58,8 +57,7 @@ _LATER: dict[str, Judge] = {
 
 
 def _read_findings() -> tuple[Finding, ...]:
-    text = Path(__file__).with_name("findings.toml").read_text("utf-8")
-    document = tomllib.loads(text)
+    document = table_beside(__file__, "findings.toml")
     sources = {key: Source(**entry) for key, entry in document["sources"].items()}
     judges = _JUDGES | _LATER | {"power.low_band": _LOW_BAND}
     return tuple(

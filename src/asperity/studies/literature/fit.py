@@ -23,7 +23,7 @@ from asperity.studies.literature.hand_search import (
     percentile_interval,
 )
 from asperity.studies.literature.laboratory import Laboratory, Tables, judge_or_explain
-from asperity.studies.literature.measures import COLUMNS, Measure
+from asperity.studies.literature.measures import COLUMNS, Measure, measure_of
 
 PUBLISHED = Path(__file__).with_name("published_fit.json")
 """The fit of the documentation: a `fit.json` written by `asperity findings --fit`."""
@@ -124,11 +124,8 @@ def as_json(measure: Measure) -> dict[str, Any]:
 
 def chosen_design(fit: dict[str, Any]) -> tuple[Hand, Measure]:
     """Return hand and metric of a fit."""
-    best, metric = fit["chosen"], fit["chosen"]["metric"]
-    band = tuple(metric["band"]) if metric["band"] else None
-    power = np.inf if metric["power"] is None else metric["power"]
-    hand = Hand(*(best[name] for name in RANGES))
-    return hand, Measure(metric["kind"], metric["signal"], band, power)
+    best = fit["chosen"]
+    return Hand(*(best[name] for name in RANGES)), measure_of(best["metric"])
 
 
 def read_published_fit() -> dict[str, Any]:

@@ -7,11 +7,10 @@ package; here it is shown.
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
-from asperity.studies.literature.measures import Measure
+from asperity.studies.literature.measures import Measure, measure_of
 
 PUBLISHED = Path(__file__).with_name("published_halves.json")
 
@@ -24,10 +23,7 @@ def read_published_halves() -> dict[str, Any]:
 
 def chosen_measure() -> Measure:
     """Return the metric that was chosen on the first half."""
-    stored = read_published_halves()["chosen"]
-    power = math.inf if stored["power"] is None else stored["power"]
-    band = tuple(stored["band"]) if stored["band"] else None
-    return Measure(stored["kind"], stored["signal"], band, power, stored["transmission"])
+    return measure_of(read_published_halves()["chosen"])
 
 
 def half_of(finding: str, halves: dict[str, Any]) -> str:

@@ -16,7 +16,7 @@ as its spacing grows: the RMS falls with their rate, the peak does not, and othe
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -138,6 +138,14 @@ class Measure:
         if self.kind != "norm" or math.isinf(self.power):
             return np.asarray(np.max(strokes, axis=0))
         return np.asarray(np.mean(strokes**self.power, axis=0) ** (1.0 / self.power))
+
+
+def measure_of(stored: Mapping[str, Any]) -> Measure:
+    """Return the metric that `fit.as_json` wrote as JSON values."""
+    band = tuple(stored["band"]) if stored["band"] else None
+    power = math.inf if stored["power"] is None else stored["power"]
+    through = stored.get("transmission", False)
+    return Measure(stored["kind"], stored["signal"], band, power, through)
 
 
 def evaluate_all(records: Sequence[DragRecord], measures: Sequence[Measure]) -> NDArray[np.float64]:

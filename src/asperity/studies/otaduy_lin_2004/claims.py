@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.data import table_beside
 from asperity.runs.vibration_metrics import METRICS
 from asperity.studies.otaduy_lin_2004.drags import MODELS
 from asperity.studies.otaduy_lin_2004.studies import FACTORS
@@ -254,65 +255,17 @@ def _constant_at_smallest(data: xr.Dataset, metric: str) -> _Judgement:
     return _Judgement(measured, spread <= NEARLY_CONSTANT, note)
 
 
-_AFTER_2000 = "[OL] 3.1 and 4.2, after Lederman et al. (2000)"
-_AFTER_1999 = "[OL] 3.1 and 4.2, after Lederman et al. (1999)"
-_QUADRATIC = _Rule(
-    "quadratic",
-    "The curve over spacing is well approximated by a quadratic in log-log (R² at least 0.9)",
-    "[OL] 4.2, Effects of Probe Diameter", _quadratic,
+_JUDGES = (
+    _quadratic, _peak_falls, _peak_moves_right, _peak_stays, _peak_scales, _more_everywhere,
+    _more_at_large, _more_at_largest, _less_at_smallest, _constant_at_smallest,
 )  # fmt: skip
 _RULES = {
-    "diameter": (
-        _QUADRATIC,
-        _Rule("peak_higher", "A smaller probe gives a higher peak", _AFTER_2000, _peak_falls),
-        _Rule(
-            "peak_smaller_spacing", "A smaller probe peaks at a smaller spacing", _AFTER_2000,
-            _peak_moves_right,
-        ),
-        _Rule(
-            "peak_scales", "The peak's spacing scales with the probe's drop point, within 5 %",
-            "asperity, from the geometry of [OL] Figure 2", _peak_scales,
-        ),
-    ),
-    "force": (
-        _QUADRATIC,
-        _Rule(
-            "more_everywhere", "A larger normal force gives more, at every spacing", _AFTER_2000,
-            _more_everywhere,
-        ),
-        _Rule(
-            "peak_stays", "The peak's place barely moves with force (under 10 %)",
-            f"{_AFTER_2000}; the 10 % is asperity's", _peak_stays,
-        ),
-    ),
-    "speed": (
-        _QUADRATIC,
-        _Rule(
-            "faster_rougher_at_large",
-            f"At large spacing ({LARGE_SPACING * 1e3:g} mm) faster gives more", _AFTER_1999,
-            _more_at_large,
-        ),
-        _Rule(
-            "faster_rougher_at_largest",
-            "At the largest spacing ({largest} mm) faster gives more", _AFTER_1999,
-            _more_at_largest,
-        ),
-        _Rule(
-            "slower_rougher_at_small", "At small spacing ({smallest} mm) slower gives more",
-            "the human finding: [OL] 3.1, after Lederman et al. (1999)", _less_at_smallest,
-        ),
-        _Rule(
-            "constant_at_small",
-            "At small spacing ({smallest} mm) the metric is nearly constant with speed (within "
-            "15 %): the failure that the paper reports",
-            "[OL] 4.2, Effects of Exploratory Speed; the 15 % is asperity's", _constant_at_smallest,
-        ),
-        _Rule(
-            "peak_moves_right", "A faster probe peaks at a larger spacing",
-            "[OL] 3.1, after Lederman et al. (1999)", _peak_moves_right,
-        ),
-    ),
-}  # fmt: skip
+    study: [
+        _Rule(**rule | {"judge": next(j for j in _JUDGES if j.__name__ == f"_{rule['judge']}")})
+        for rule in rules
+    ]
+    for study, rules in table_beside(__file__, "claims.toml").items()
+}
 
 
 def _of_models(data: xr.Dataset) -> list[Claim]:

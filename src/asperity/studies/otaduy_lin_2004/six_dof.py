@@ -75,11 +75,8 @@ def drag_in_scene(
     condition: Condition,
     *,
     kind: str = "constant",
-    hand: Hand | None = None,
-    amplitude: float = 1e-4,
-    band: tuple[float, float] = DEFAULT_BAND,
 ) -> SixDofDrag:
-    """Drag the probe of `probe-plate` over a sinusoid; return the metrics of the hand's motion.
+    """Drag the probe of `probe-plate` over a sinusoid of 0.1 mm; return the motion's metrics.
 
     Parameters
     ----------
@@ -87,21 +84,16 @@ def drag_in_scene(
         Spacing, diameter, normal force, speed.
     kind : {"constant", "guided", "full"}
         See the module.
-    hand : Hand, optional
-    amplitude : float
-        Amplitude of the sinusoid [m].
-    band : (float, float)
-        Band of the metric `band_rms` [Hz].
     """
-    hand = hand or Hand()
-    texture = {"kind": "sinusoid", "wavelength": condition.spacing, "amplitude": amplitude}
+    hand = Hand()
+    texture = {"kind": "sinusoid", "wavelength": condition.spacing, "amplitude": 1e-4}
     scene = probe_plate(texture, diameter=condition.diameter)
     settling = _SETTLING * hand.time_constant
     period = condition.spacing / condition.speed
     room = 2.0 * abs(_START) / condition.speed - settling
     periods = max(math.ceil(0.15 / period), 4)
     periods = max(min(periods, math.floor(room / period)), 1)
-    return drag_over_plate(scene, condition, periods * period, kind=kind, hand=hand, band=band)
+    return drag_over_plate(scene, condition, periods * period, kind=kind, hand=hand)
 
 
 def drag_over_plate(
@@ -125,8 +117,11 @@ def drag_over_plate(
     seconds : float
         Length of the record, whole periods of the texture [s]; it begins once the hand has
         settled.
-    kind, hand, band
+    kind
         As for `drag_in_scene`.
+    hand : Hand, optional
+    band : (float, float)
+        Band of the metric `band_rms` [Hz].
     across : float
         The v of the path [m].
     """

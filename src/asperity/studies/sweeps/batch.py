@@ -1,14 +1,20 @@
-"""A batch of combinations as a worker runs it: numbers, or the error of each combination."""
+"""A batch of combinations as a worker runs it: its outcome, its time limit, its provenance."""
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import hashlib
 import math
+import os
 import pickle
 import platform
+import subprocess
 import sys
-from collections.abc import Mapping
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,8 +24,7 @@ from numpy.typing import NDArray
 
 from asperity import __version__
 from asperity.errors import AsperityError
-from asperity.studies.sweeps.study import runner
-from asperity.studies.sweeps.time_limit import time_limit
+from asperity.studies.sweeps.study import kind_of
 
 WAITING, DONE, FAILED = 0, 1, 2
 """States of a combination."""
@@ -119,7 +124,7 @@ def run_batch(batch: Batch) -> BatchOutcome:
             "install the same everywhere"
         )
     count = len(next(iter(batch.columns.values())))
-    runs = runner(batch.kind, batch.fixed, Path(batch.folder), batch.seed)
+    runs = kind_of(batch.kind)(batch.fixed, Path(batch.folder), batch.seed)
     values = np.full((count, len(batch.keep) + len(batch.more)), np.nan)
     states = np.full(count, DONE, np.int8)
     errors = [""] * count
@@ -143,3 +148,79 @@ def error_line(error: BaseException, length: int = 500) -> str:
     if isinstance(error, AsperityError) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def session_facts() -> dict[str, Any]:
+    """Return the facts of a run that begins now, without names of people or machines."""
+    return {
+        "started": now(),
+        "version": __version__,
+        "revision": revision(),
+        "program": program(),
+        "packages": {name: version_of(name) for name in ("zarr", "dask", "distributed", "xarray")},
+        "started_on": machine(),
+        "cores": os.cpu_count() or 1,
+    }
+
+
+def now() -> str:
+    """Return date and time, UTC, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def revision() -> str | None:
+    """Return the git revision of the package, "-dirty" if changed; None outside a checkout."""
+    folder = Path(__file__).parents[2]
+    try:
+        _git(folder, "ls-files", "--error-unmatch", "__init__.py")
+        return _git(folder, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def _git(folder: Path, *words: str) -> str:
+    done = subprocess.run(
+        ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=10, check=True
+    )
+    return done.stdout.strip()
+
+
+class _TimeIsOver(BaseException):
+    """Raised in the thread whose time is over; no `except Exception` of its code stops it."""
+
+
+@contextmanager
+def time_limit(seconds: float | None) -> Iterator[None]:
+    """Raise `AsperityError` in the block when it has taken longer than so many seconds.
+
+    It is raised between two instructions of Python: compiled code that never returns is not
+    interrupted. Workers of Dask run their tasks outside the main thread, where signals, which would
+    do, are not to be had.
+
+    Parameters
+    ----------
+    seconds : float, optional
+        None: no limit.
+    """
+    if seconds is None:
+        yield
+        return
+    thread, lock, over = ctypes.c_ulong(threading.get_ident()), threading.Lock(), False
+
+    def end() -> None:
+        with lock:
+            if not over:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(_TimeIsOver))
+
+    timer = threading.Timer(seconds, end)
+    timer.daemon = True
+    timer.start()
+    try:
+        try:
+            yield
+        finally:
+            timer.cancel()
+            with lock:
+                over = True
+    except _TimeIsOver:
+        raise AsperityError(f"took longer than the limit of {seconds:g} s") from None

@@ -8,39 +8,23 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from asperity._core.data import table_beside
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError, require_between, require_choice
 from asperity.runs.vibration_metrics import DEFAULT_BAND, METRICS
 from asperity.scene.document import arguments, beside, require_keys
 from asperity.studies.otaduy_lin_2004.drags import MODELS, Condition, DragSimulator
 from asperity.studies.otaduy_lin_2004.stimuli import SURFACES, StimulusOptions
-from asperity.studies.sweeps.content import nest, seed_of
-from asperity.studies.sweeps.study import Runner
+from asperity.studies.sweeps.study import Runner, nest, seed_of
 
-_RANGES = {
-    "spacing": (5e-5, 2e-2, "m"),
-    "diameter": (5e-5, 5e-2, "m"),
-    "normal_force": (1e-3, 100.0, "N"),
-    "speed": (1e-4, 10.0, "m/s"),
-    "hand.mass": (1e-3, 10.0, "kg"),
-    "hand.stiffness": (10.0, 1e5, "N/m"),
-    "hand.damping": (0.01, 100.0, "N s/m"),
-    "stimulus.amplitude": (1e-7, 1e-2, "m"),
-    "stimulus.element_height": (1e-6, 1e-2, "m"),
-    "stimulus.element_width": (1e-6, 2e-2, "m"),
-    "stimulus.flank": (0.0, 2e-2, "m"),
-    "stimulus.jitter": (0.0, 1.0, ""),
-    "stimulus.hurst": (0.0, 1.0, ""),
-    "stimulus.rms_slope": (1e-3, 10.0, ""),
-    "stimulus.height_range": (1e-7, 1e-2, "m"),
-}
+_RANGES = table_beside(__file__, "parameters.toml")["drag"]["ranges"]
 """Valid ranges, as of the options of `asperity study`; values outside have the wrong unit."""
 _RANDOM = ("dots", "self-affine")
 """Surfaces that have a seed."""
-INNER = ("normal_force", "speed", "hand.", "band")
+_INNER = ("normal_force", "speed", "hand.", "band")
 """Prefixes of parameters that leave the slope table as it is, so that neighbours share it."""
-WHOLE = ("repeat", "stimulus.seed")
-BATCH = (16, 1024)
+_WHOLE = ("repeat", "stimulus.seed")
+_BATCH = (16, 1024)
 """Least and largest number of combinations in a block; each takes about a millisecond."""
 _UNITS = {"band": "Hz", "repeat": "1", "stimulus.seed": "1"}
 _LABELS = {
@@ -73,7 +57,7 @@ class DragCombination:
 
 
 _PARTS: dict[str, Any] = {"stimulus": StimulusOptions, "hand": Hand}
-KEYS = (
+_KEYS = (
     *(f.name for f in fields(DragCombination) if f.name not in _PARTS),
     *(f"{part}.{f.name}" for part, of in _PARTS.items() for f in fields(of)),
 )
@@ -89,9 +73,9 @@ def drag_of(values: Mapping[str, Any]) -> DragCombination:
     return DragCombination(**parts)
 
 
-def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
+def _checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
     """Return values with dotted keys in the types of their parameters; refuse invalid ones."""
-    require_keys(values, where, KEYS)
+    require_keys(values, where, _KEYS)
     out: dict[str, Any] = {}
     for key, value in values.items():
         part, dot, name = key.partition(".")
@@ -122,37 +106,36 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
     return out
 
 
-def check_together(
-    keep: Sequence[str], fixed: Mapping[str, Any], varied: Mapping[str, Sequence[Any]],
-    folder: Path,
-) -> None:  # fmt: skip
-    """Accept all: any parameters of a drag fit together."""
-
-
-def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
+def _files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
     """Return the files that parameters, key -> values, name: name -> path."""
     names = [name for name in columns.get("surface", ()) if name not in SURFACES]
     return {name: beside(folder, name) for name in names}
 
 
-def unit_and_label(key: str) -> tuple[str, str]:
+def _unit_and_label(key: str) -> tuple[str, str]:
     """Return the unit of a parameter ("1": none, "": a text), and its axis label."""
     unit = _UNITS.get(key, "") if key not in _RANGES else _RANGES[key][2] or "1"
     label = key.replace("stimulus.", "").replace(".", " ").replace("_", " ")
     return unit, _LABELS.get(key, label)
 
 
-NUMBERS: dict[str, tuple[str, str]] = {
+_NUMBERS: dict[str, tuple[str, str]] = {
     **{name: (metric.unit, metric.label) for name, metric in METRICS.items()},
     "motion_status": ("1", "0 periodic, 1 subharmonic, 2 does not repeat"),
 }
 """What can be kept of a drag: name -> (unit, label)."""
-DEFAULT_KEEP = tuple(NUMBERS)
+_DEFAULT_KEEP = tuple(_NUMBERS)
 
 
 @dataclass
 class DragRuns(Runner):
     """Runs combinations of a study of drags; surfaces and slope tables are shared between them."""
+
+    KEYS, INNER, WHOLE, BATCH = _KEYS, _INNER, _WHOLE, _BATCH
+    NUMBERS, DEFAULT_KEEP = _NUMBERS, _DEFAULT_KEEP
+    checked = staticmethod(_checked)
+    files_of = staticmethod(_files_of)
+    unit_and_label = staticmethod(_unit_and_label)
 
     _simulators: dict[tuple[Any, ...], DragSimulator] = field(default_factory=dict, init=False)
 
@@ -201,6 +184,3 @@ class DragRuns(Runner):
             return 0
         names = ("surface", "spacing", "stimulus", "repeat")
         return seed_of({name: parameters[name] for name in names}, self.seed)
-
-
-runner = DragRuns

@@ -1,21 +1,32 @@
-"""Creating the empty store of a sweep: attributes, coordinates, and arrays without chunks."""
+"""The empty store of a sweep, its blocks, and what of a finished store another study has.
+
+Combinations are numbered in C order, the last axis fastest. A block is cut along one axis; it has
+one place of each axis before that one and all places of those after it. So the numbers of its
+combinations are consecutive, and it is one chunk of every array, written at once.
+"""
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import shutil
 import tempfile
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.errors import AsperityError
 from asperity.studies.sweeps.batch import WAITING, program
-from asperity.studies.sweeps.blocks import block_shape
 from asperity.studies.sweeps.study import SweepStudy
+
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 SCHEMA = 1
 """Version of the store's layout, its attribute `asperity_sweep`."""
@@ -118,3 +129,82 @@ def consolidate(group: Any) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # consolidated metadata are not part of Zarr 3 yet
         zarr.consolidate_metadata(group.store)
+
+
+class SweepBlock(NamedTuple):
+    """One chunk of every array."""
+
+    slices: tuple[slice, ...]
+    """Its places on each axis."""
+    first: int
+    """Number of its first combination."""
+    shape: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """How many combinations it has."""
+        return math.prod(self.shape)
+
+    @property
+    def places(self) -> slice:
+        """The numbers of its combinations."""
+        return slice(self.first, self.first + self.size)
+
+
+def block_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
+    """Return the shape of blocks of at most `most` combinations, and at least one."""
+    out, room = [1] * len(shape), max(most, 1)
+    for i in reversed(range(len(shape))):
+        if shape[i] > room:
+            out[i] = math.ceil(shape[i] / math.ceil(shape[i] / room))
+            break
+        out[i] = shape[i]
+        room //= shape[i]
+    return tuple(out)
+
+
+def blocks(shape: tuple[int, ...], chunk: tuple[int, ...]) -> Iterator[SweepBlock]:
+    """Yield the blocks of arrays of a shape, in the order of their combinations."""
+    first = 0
+    for starts in itertools.product(
+        *(range(0, n, size) for n, size in zip(shape, chunk, strict=True))
+    ):
+        slices = tuple(
+            slice(start, min(start + size, n))
+            for start, size, n in zip(starts, chunk, shape, strict=True)
+        )
+        block = SweepBlock(slices, first, tuple(s.stop - s.start for s in slices))
+        yield block
+        first += block.size
+
+
+def places_in(data: xr.Dataset, study: SweepStudy) -> list[NDArray[np.int64]]:
+    """Return for each axis of a study where its places are in older results; -1: not there.
+
+    Raises
+    ------
+    AsperityError
+        The older results are of another study than one with other values.
+    """
+    attributes: Mapping[str, Any] = data.attrs
+    older = json.loads(attributes["files"])
+    names = [axis.name for axis in study.design.axes]
+    problem = ""
+    if attributes.get("basis") != study.basis:
+        problem = "its kind, fixed parameters, function or seed are others"
+    elif set(data.sizes) != set(names):
+        problem = f"it has the axes {', '.join(map(str, data.sizes))}, not {', '.join(names)}"
+    elif any(older.get(name, digest) != digest for name, digest in study.files.items()):
+        problem = "files that it names have changed"
+    elif any(name not in data for name in study.keep):
+        problem = "it lacks numbers that are to be kept now"
+    if problem:
+        raise AsperityError(f"the store cannot be extended to this study: {problem}")
+    found = []
+    for axis in study.design.axes:
+        now = {key: column(values).tolist() for key, values in axis.columns.items()}
+        rows = zip(*(data[key].values.tolist() for key in now), strict=True)
+        known = {row: i for i, row in enumerate(rows)}
+        wanted = zip(*now.values(), strict=True)
+        found.append(np.array([known.get(row, -1) for row in wanted], dtype=np.int64))
+    return found

@@ -14,10 +14,16 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import is_compiled
 from asperity.errors import AsperityError, require_positive
-from asperity.studies.sweeps.batch import DONE, FAILED, WAITING, BatchOutcome, run_batch
-from asperity.studies.sweeps.cluster import connect
-from asperity.studies.sweeps.dispatch import Job, check_workers, make_batch, run_on_cluster
-from asperity.studies.sweeps.provenance import now, session_facts
+from asperity.studies.sweeps.batch import (
+    DONE,
+    FAILED,
+    WAITING,
+    BatchOutcome,
+    now,
+    run_batch,
+    session_facts,
+)
+from asperity.studies.sweeps.dispatch import Job, check_workers, connect, make_batch, run_on_cluster
 from asperity.studies.sweeps.store import BlockResults, SweepStore, open_store, require_packages
 from asperity.studies.sweeps.study import SweepStudy, read_study
 

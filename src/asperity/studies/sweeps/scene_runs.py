@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from asperity._core.data import table_beside
 from asperity.contact.response.settings import ForceSettings
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.dynamics.virtual_coupling.settings import CouplingSettings
@@ -23,13 +24,12 @@ from asperity.scene.scene import Scene
 from asperity.scene.sections import ANTI_ALIAS_MODES
 from asperity.scene.texture import body_texture, with_seed
 from asperity.scene.trajectory import ScriptedMotion
-from asperity.studies.sweeps.content import flatten, hash_content, nest, seed_of
-from asperity.studies.sweeps.study import Runner
+from asperity.studies.sweeps.study import Runner, flatten, hash_content, nest, seed_of
 
-INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
+_INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
 """Prefixes of parameters that leave the bodies of the scene as they are."""
-WHOLE = ("repeat",)
-BATCH = (1, 4)
+_WHOLE = ("repeat",)
+_BATCH = (1, 4)
 """Least and largest number of combinations in a block; each takes seconds."""
 SEEDS = ("scene", "content")
 
@@ -55,7 +55,7 @@ _EXTRA = {"force": ("anti_alias",), "trajectory": ("file",), "coupling": ()}
 PROBE = "probe.diameter"
 """Diameter of the tip in the built-in scenes `PROBE_PLATES`."""
 _HAND = tuple(f"hand.{f.name}" for f in fields(Hand))
-KEYS = (
+_KEYS = (
     *_OWN,
     PROBE,
     *_HAND,
@@ -66,57 +66,25 @@ KEYS = (
     ),
 )
 """Valid keys; those under `bodies` depend on the scene."""
-_UNITS = {
-    "dt": "s", "repeat": "1", "stiffness": "N/m", "bristle_stiffness": "N/m", "damping": "N s/m",
-    "mass": "kg", "mass_scale": "1",
-    "rotational_stiffness": "N m/rad", "rotational_damping": "N m s/rad",
-    "friction": "1", "dissipation": "s/m", "seconds": "s", "speed": "m/s", "length": "m",
-    "direction": "rad",
-    "radius": "m", "turning": "rad/s", "press_force": "N", "press_depth": "m", "ramp": "s",
-    "start": "m", "step": "m", "lever": "m", "window": "m", "softness": "m", "soft_area": "m^2",
-    "ho_gain": "1", "noise_level": "1", "noise_bandwidth": "Hz", "tolerance": "m",
-    "patch_radius": "m", "edge_fade": "m", "grid": "1", "max_nodes": "1", "seed": "1",
-    "wavelength": "m", "amplitude": "m", "pitch": "m", "height": "m", "width": "m",
-    "diameter": "m", "depth": "m", "fillet": "m", "height_range": "m", "pixel_size": "m",
-    "jitter": "1", "hurst": "1", "rms_slope": "1", "rms": "m", "offset": "m",
-}  # fmt: skip
+_TABLES = table_beside(__file__, "parameters.toml")["scene"]
+_UNITS: dict[str, str] = _TABLES["units"]
+"""Of the last part of a key."""
 
-NUMBERS: dict[str, tuple[str, str]] = {
-    "mean_force_n": ("N", "size of the mean contact force"),
-    "largest_force_n": ("N", "largest contact force"),
-    "largest_torque_n_m": ("N m", "largest contact torque"),
-    "vibration_rms_n": ("N", "RMS of the contact force about its mean"),
-    "band_rms_n": ("N", "RMS of the contact force in 20-200 Hz"),
-    "ticks": ("1", "ticks"),
-    "contacts.ticks_in_contact": ("1", "ticks in contact"),
-    "contacts.mean": ("1", "mean number of contacts"),
-    "contacts.largest": ("1", "largest number of contacts"),
-    "status.certified": ("1", "certified depths"),
-    "status.budget_spent": ("1", "depths with their budget spent"),
-    "status.overflow": ("1", "overflows"),
-    "anti_alias.ticks_active": ("1", "ticks with texture averaged"),
-    "anti_alias.ticks_beyond_budget": ("1", "ticks that needed more sub-poses"),
-    "anti_alias.ticks_too_fast_and_off": ("1", "ticks with texture faster than the tick"),
-    "coupling.tool_put_back": ("1", "times that the tool was put back"),
-    "hand.energy_j": ("J", "energy into the hand"),
-    "hand.gained_j": ("J", "energy gained at the hand"),
-    "hand.interventions": ("1", "interventions of the passivity controller"),
-    "hand.dissipated_j": ("J", "energy dissipated by the controller"),
-}
+_NUMBERS = {name: (unit, label) for name, (unit, label) in _TABLES["numbers"].items()}
 """What can be kept of a run: name -> (unit, label). No times, because they do not repeat."""
-DEFAULT_KEEP = (
+_DEFAULT_KEEP = (
     "mean_force_n", "largest_force_n", "largest_torque_n_m", "vibration_rms_n", "band_rms_n",
     "contacts.mean", "status.certified", "status.budget_spent",
 )  # fmt: skip
 
 
-def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
+def _checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
     """Return values with dotted keys in the types of their parameters; refuse invalid ones.
 
-    Values under `bodies` are checked with their scene, in `check_together`.
+    Values under `bodies` are checked with their scene, in `_check_together`.
     """
     plain = {k: v for k, v in values.items() if not k.startswith("bodies.")}
-    require_keys(plain, where, [*KEYS, "bodies.NAME.texture.KEY"])
+    require_keys(plain, where, [*_KEYS, "bodies.NAME.texture.KEY"])
     out = dict(values)
     for key, value in plain.items():
         section, dot, name = key.partition(".")
@@ -148,7 +116,7 @@ def _scene(name: str, folder: Path) -> Scene:
     return load_scene(str(path) if name not in SCENES and path.exists() else name)
 
 
-def check_together(
+def _check_together(
     keep: Sequence[str], fixed: Mapping[str, Any], varied: Mapping[str, Sequence[Any]],
     folder: Path,
 ) -> None:  # fmt: skip
@@ -210,7 +178,7 @@ def _texture(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> di
     return table
 
 
-def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
+def _files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
     """Return the files and folders that parameters, key -> values, name: name -> path.
 
     Files that a scene names are included, because they may be outside its folder.
@@ -226,7 +194,7 @@ def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Pa
     return out
 
 
-def unit_and_label(key: str) -> tuple[str, str]:
+def _unit_and_label(key: str) -> tuple[str, str]:
     """Return the unit of a parameter ("1": none, "": not known), and its axis label."""
     *path, name = key.split(".")
     place = path[1] if path[:1] == ["bodies"] else " ".join(path)
@@ -236,6 +204,13 @@ def unit_and_label(key: str) -> tuple[str, str]:
 @dataclass
 class SceneRuns(Runner):
     """Runs combinations of a study of scenes; neighbours share the scene's bodies."""
+
+    KEYS, INNER, WHOLE, BATCH = _KEYS, _INNER, _WHOLE, _BATCH
+    NUMBERS, DEFAULT_KEEP = _NUMBERS, _DEFAULT_KEEP
+    checked = staticmethod(_checked)
+    check_together = staticmethod(_check_together)
+    files_of = staticmethod(_files_of)
+    unit_and_label = staticmethod(_unit_and_label)
 
     _scenes: dict[str, Scene] = field(default_factory=dict, init=False)
 
@@ -315,6 +290,3 @@ def _force_numbers(run: Run) -> dict[str, float]:
         "vibration_rms_n": float(np.sqrt(np.mean(np.sum(about**2, axis=1)))),
         "band_rms_n": float(np.sqrt(power)),
     }
-
-
-runner = SceneRuns

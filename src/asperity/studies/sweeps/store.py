@@ -40,9 +40,15 @@ from asperity.studies.sweeps.batch import (
     error_line,
     program,
 )
-from asperity.studies.sweeps.blocks import SweepBlock, blocks
-from asperity.studies.sweeps.extension import places_in
-from asperity.studies.sweeps.new_store import MORE, SCHEMA, consolidate, create_store
+from asperity.studies.sweeps.new_store import (
+    MORE,
+    SCHEMA,
+    SweepBlock,
+    blocks,
+    consolidate,
+    create_store,
+    places_in,
+)
 from asperity.studies.sweeps.study import SweepStudy
 
 if TYPE_CHECKING:

@@ -23,24 +23,27 @@ hand.stiffness = [300, 500]
 
 from __future__ import annotations
 
+import hashlib
 import itertools
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, ClassVar
 
 from asperity.errors import AsperityError, require_choice
 from asperity.scene.document import at, read_toml, require_keys, require_table, write_toml
-from asperity.studies.sweeps.content import flatten, hash_content, hash_file
 from asperity.studies.sweeps.design import LEAF, SweepDesign, Variation, read_design, read_variation
 
 SCHEMA = 1
-KINDS = {"drag": "asperity.studies.sweeps.drag_runs", "scene": "asperity.studies.sweeps.scene_runs",
-         "function": "asperity.studies.sweeps.function_runs"}  # fmt: skip
-"""Kind of study -> module that runs its combinations; the modules define the same names.
+KINDS = {
+    "drag": ("drag_runs", "DragRuns"), "scene": ("scene_runs", "SceneRuns"),
+    "function": ("function_runs", "FunctionRuns"),
+}  # fmt: skip
+"""Kind of study -> module and class that run its combinations.
 
 Each is imported when needed: importing scenes takes as long as importing all that drags need.
 """
@@ -51,7 +54,19 @@ _KEYS = ("schema", "title", "kind", "keep", "design", "fixed", "vary", "zip")
 
 @dataclass
 class Runner:
-    """Runs combinations of a study, one after the other."""
+    """Runs combinations of a study, one after the other; a subclass is a kind of study."""
+
+    KEYS: ClassVar[tuple[str, ...]] = ()
+    """Valid parameters, as dotted keys."""
+    INNER: ClassVar[tuple[str, ...]] = ()
+    """Prefixes of parameters whose axes come last, because neighbours along them share work."""
+    WHOLE: ClassVar[tuple[str, ...]] = ()
+    """Parameters that are whole numbers."""
+    BATCH: ClassVar[tuple[int, int]] = (1, 256)
+    """Least and largest number of combinations in a block."""
+    NUMBERS: ClassVar[dict[str, tuple[str, str]]] = {}
+    """What can be kept of a combination: name -> (unit, label)."""
+    DEFAULT_KEEP: ClassVar[tuple[str, ...]] = ()
 
     fixed: Mapping[str, Any]
     """Fixed parameters by dotted key, checked."""
@@ -69,43 +84,34 @@ class Runner:
         """
         raise NotImplementedError
 
-
-class StudyKind(Protocol):
-    """A kind of study: the names that each module of `KINDS` defines."""
-
-    KEYS: tuple[str, ...]
-    """Valid parameters, as dotted keys."""
-    INNER: tuple[str, ...]
-    """Prefixes of parameters whose axes come last, because neighbours along them share work."""
-    BATCH: tuple[int, int]
-    """Least and largest number of combinations in a block."""
-    NUMBERS: dict[str, tuple[str, str]]
-    """What can be kept of a combination: name -> (unit, label)."""
-    DEFAULT_KEEP: tuple[str, ...]
-    WHOLE: tuple[str, ...]
-    """Parameters that are whole numbers."""
-
-    def checked(self, values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
+    @staticmethod
+    def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
         """Return values with dotted keys in the types of their parameters; refuse invalid ones."""
+        raise NotImplementedError
 
+    @staticmethod
     def check_together(
-        self, keep: Sequence[str], fixed: Mapping[str, Any],
-        varied: Mapping[str, Sequence[Any]], folder: Path,
+        keep: Sequence[str], fixed: Mapping[str, Any], varied: Mapping[str, Sequence[Any]],
+        folder: Path,
     ) -> None:  # fmt: skip
-        """Refuse parameters, and kept numbers, that do not fit together."""
+        """Refuse parameters, and kept numbers, that do not fit together; by default accept all."""
 
-    def files_of(self, columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
+    @staticmethod
+    def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
         """Return the files that parameters, key -> values, name: name -> path."""
+        return {}
 
-    def unit_and_label(self, key: str) -> tuple[str, str]:
+    @staticmethod
+    def unit_and_label(key: str) -> tuple[str, str]:
         """Return the unit of a parameter ("1": none, "": not known), and its axis label."""
-
-    def runner(self, fixed: Mapping[str, Any], folder: Path, seed: int) -> Runner:
-        """Return the runner of combinations with fixed parameters; `seed` enters all seeds."""
+        return "", key
 
 
-def _kind_of(name: str) -> StudyKind:
-    return cast(StudyKind, import_module(KINDS[name]))
+def kind_of(name: str) -> type[Runner]:
+    """Return the class that runs the combinations of a kind of study."""
+    module, of = KINDS[name]
+    kind: type[Runner] = getattr(import_module(f"asperity.studies.sweeps.{module}"), of)
+    return kind
 
 
 @dataclass(frozen=True)
@@ -146,7 +152,7 @@ class SweepStudy:
     @property
     def more(self) -> tuple[str, ...]:
         """Numbers that a combination gives besides, stored so that they may be kept later."""
-        return tuple(name for name in _kind_of(self.kind).NUMBERS if name not in self.keep)
+        return tuple(name for name in kind_of(self.kind).NUMBERS if name not in self.keep)
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -173,7 +179,7 @@ class SweepStudy:
     @property
     def block(self) -> int:
         """Largest number of combinations in a block, which are written together."""
-        low, high = _kind_of(self.kind).BATCH
+        low, high = kind_of(self.kind).BATCH
         if self.files:
             low, high = 1, 16  # a drag over a height map takes a thousand times as long
         return max(min(self.size // _BLOCKS, high), low)
@@ -181,11 +187,11 @@ class SweepStudy:
     @property
     def least(self) -> int:
         """Smallest number of combinations that is worth sending to a worker."""
-        return 1 if self.files else int(_kind_of(self.kind).BATCH[0])
+        return 1 if self.files else int(kind_of(self.kind).BATCH[0])
 
     def attributes(self, key: str) -> dict[str, str]:
         """Return label and unit of a parameter or of a kept number, as xarray names them."""
-        of = _kind_of(self.kind)
+        of = kind_of(self.kind)
         unit, label = of.NUMBERS[key] if key in of.NUMBERS else of.unit_and_label(key)
         return {"long_name": label} | ({"units": unit} if unit else {})
 
@@ -227,7 +233,7 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
         raise AsperityError(f"title must be a text, got {title!r}")
     for section in ("design", "fixed", "vary", "zip"):
         require_table(document.get(section, {}), section)
-    of = _kind_of(kind)
+    of = kind_of(kind)
     keep = _kept(document.get("keep", list(of.DEFAULT_KEEP)), of)
     fixed = of.checked(flatten(document.get("fixed", {})), "fixed", folder)
     tables = {"vary": flatten(document.get("vary", {}), LEAF)} | _zipped(document, of)
@@ -244,7 +250,7 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
     return SweepStudy(title, kind, keep, fixed, design, folder, text, files)
 
 
-def _zipped(document: Mapping[str, Any], of: StudyKind) -> dict[str, dict[str, Any]]:
+def _zipped(document: Mapping[str, Any], of: type[Runner]) -> dict[str, dict[str, Any]]:
     """Return the tables under `[zip]`: `zip.NAME` -> dotted key -> values."""
     out = {}
     for name, table in document.get("zip", {}).items():
@@ -269,7 +275,7 @@ def _refuse_twice(tables: Mapping[str, Mapping[str, Any]]) -> None:
 
 
 def _variations(
-    table: Mapping[str, Any], where: str, of: StudyKind, folder: Path
+    table: Mapping[str, Any], where: str, of: type[Runner], folder: Path
 ) -> list[Variation]:
     """Return the variations of a table, checked."""
     require_keys(table, where, [*of.KEYS, *(k for k in table if k.startswith("bodies."))])
@@ -279,7 +285,7 @@ def _variations(
     ]
 
 
-def _kept(names: Any, of: StudyKind) -> tuple[str, ...]:
+def _kept(names: Any, of: type[Runner]) -> tuple[str, ...]:
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         raise AsperityError(f"keep must be a list of names, got {names!r}")
     for i, name in enumerate(names):
@@ -289,7 +295,7 @@ def _kept(names: Any, of: StudyKind) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _checked(variation: Variation, where: str, of: StudyKind, folder: Path) -> Variation:
+def _checked(variation: Variation, where: str, of: type[Runner], folder: Path) -> Variation:
     """Return a variation whose values are valid and have the parameter's type."""
     key = variation.key
     values = [of.checked({key: value}, where, folder)[key] for value in variation.extremes]
@@ -302,6 +308,51 @@ def _checked(variation: Variation, where: str, of: StudyKind, folder: Path) -> V
     return variation
 
 
-def runner(kind: str, fixed: Mapping[str, Any], folder: Path, seed: int) -> Runner:
-    """Return the runner of the combinations of a kind of study."""
-    return _kind_of(kind).runner(fixed, folder, seed)
+_SEEDS = 2**31 - 1
+
+
+def hash_content(*parts: Any) -> str:
+    """Return the SHA-256 of numbers, texts, lists and tables, regardless of the order of keys."""
+    text = json.dumps(parts, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def seed_of(*parts: Any) -> int:
+    """Return a seed, 0 to 2^31 - 2, that depends on the content of `parts` alone."""
+    return int(hash_content(*parts)[:16], 16) % _SEEDS
+
+
+def hash_file(path: Path) -> str:
+    """Return the SHA-256 of a file, or of the names and contents of all files in a folder."""
+    if not path.is_dir():
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    files = sorted(file for file in path.rglob("*") if file.is_file())
+    return hash_content([[file.relative_to(path).as_posix(), hash_file(file)] for file in files])
+
+
+def flatten(table: Mapping[str, Any], leaf: Iterable[str] = (), where: str = "") -> dict[str, Any]:
+    """Return nested tables as one with dotted keys.
+
+    A table with one of the keys `leaf` is kept as a value.
+    """
+    out: dict[str, Any] = {}
+    words = set(leaf)
+    for name, value in table.items():
+        key = f"{where}.{name}" if where else name
+        if isinstance(value, Mapping) and value and not words & set(value):
+            out |= flatten(value, words, key)
+        else:
+            out[key] = value
+    return out
+
+
+def nest(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table with dotted keys as nested tables."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        *path, name = key.split(".")
+        place = out
+        for part in path:
+            place = place.setdefault(part, {})
+        place[name] = value
+    return out

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from asperity.drawing.pages import render
 from asperity.geometry.poses import rotation_of
 from asperity.viewer.link import LinkRequests, linked, query_of, scene_as_felt
 from asperity.viewer.notify import attempt, notify
@@ -24,33 +25,6 @@ _SIZE = (900, 1600)
 """Rows and columns of a picture of the scene [px]."""
 _WIDE = "<style>.mantine-Modal-content{flex-basis:46rem}</style>"
 """viser has no width of a window: in its usual one, the help is higher than a small screen."""
-HELP = """
-**Move** the tool: drag the arrows of the gizmo, press with the upward one, turn with the arcs; or
-start a canned motion under *Hand*.
-
-| key | |
-|---|---|
-| arrows | move the hand by 0.5 mm |
-| page up, page down | lift, press by 0.25 mm |
-| space | pause and go on; the loop does not stop |
-| r | reset: settings of the scene, hand in the air |
-| z | zoom to the contact, and back |
-| l | shadows and reflections on and off |
-| u | undo the last change |
-| ? or h | this help |
-
-**What you see**: the tool, and as a green ghost your hand. The gap between them is what the
-virtual coupling stretches: `force = stiffness * gap`. Orange: force on the hand. Violet: torque.
-Red: contacts.
-
-**Words.** *Virtual coupling*: a spring and damper between hand and tool, so that the tool stays on
-the surface. *Passivity controller*: takes force away that would give the hand energy. *Fallback*:
-a contact came too late, so the last one was carried on. *Silence*: the device said nothing.
-*Clamp*: a force met a limit of the device.
-
-*Save* writes the scene with its present settings, to be opened with `asperity view`; *Link* gives
-an address that reproduces them. Point at any number or control for what it means.
-"""
 
 
 class ActionsPanel(Panel):
@@ -223,5 +197,5 @@ class ActionsPanel(Panel):
             return
         with client.gui.add_modal("Keys, signs and words") as modal:
             client.gui.add_html(_WIDE)
-            client.gui.add_markdown(HELP)
+            client.gui.add_markdown(render("live_help.md"))
             client.gui.add_button("Close").on_click(lambda _: modal.close())

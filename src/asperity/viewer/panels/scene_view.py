@@ -19,8 +19,7 @@ from asperity.realtime.servo.snapshot import Snapshot
 from asperity.scene.scene import Scene
 from asperity.viewer.drawables.colours import CONTACT, FORCE, HANDLE, TORQUE
 from asperity.viewer.drawables.ground import ground_height
-from asperity.viewer.drawables.look import SceneLook
-from asperity.viewer.drawables.shapes import TRIANGLES, Drawable, first_contact
+from asperity.viewer.drawables.shapes import TRIANGLES, Drawable, first_contact, shapes_of
 from asperity.viewer.drawables.stage import (
     UNITS,
     add_ground,
@@ -47,8 +46,8 @@ _LONGEST = 1.6
 """Length that arrows approach as forces grow, over that of the full one."""
 _LEAST = 0.02
 """Smallest length of an arrow that is drawn, over that of the full one."""
-_OUTLINE = 500
-"""Approximate number of points from which the tool's highest point is found."""
+_GHOST_TRIANGLES, _OUTLINE = 3000, 500
+"""Most triangles of the handle, and about how many points the tool's highest is found from."""
 _VIEW = np.array([0.75, -1.0, 0.55])
 """Direction from the middle of the tool to the camera."""
 _WHOLE = 0.16 * UNITS
@@ -198,8 +197,7 @@ class SceneView(Panel):
             job.cancel()
         self._painting = []
         self._scene = scene
-        look = SceneLook.of(scene, self._triangles)
-        self.shapes = look.shapes
+        self.shapes = shapes_of(scene, self._triangles)
         self._centre = np.array(coupled_body(scene.model, scene.tool).centre)
         tool = np.concatenate([s.vertices for s in self.shapes if s.is_tool])
         self._outline = tool[:: max(len(tool) // _OUTLINE, 1)]
@@ -220,7 +218,7 @@ class SceneView(Panel):
         ground = ground_height(scene)
         if ground is not None:
             self._nodes.append(add_ground(self._server, ground, self._seen / UNITS))
-        self._add_ghost(look.ghost)
+        self._add_ghost([s for s in shapes_of(scene.smooth(), _GHOST_TRIANGLES) if s.is_tool])
         self._add_marks()
         self._set_camera(scene, tool)
 

@@ -32,20 +32,6 @@ _LINE = (
     '<span style="display:inline-block;width:0.6em;height:0.6em;border-radius:50%;'
     'margin-right:0.4em;background:{colour}"></span>{text}</div>'
 )
-_WORDS = {
-    "loop": "The process that computes the forces loads its contact, or compiles it.",
-    "rate": "Ticks in the last second. What texture can be felt depends on it.",
-    "tick, p99": "99 of 100 ticks took less than this. It has to be below the time between ticks.",
-    "contact, p99": "99 of 100 contacts took less. Longer than a tick, contacts are renewed later.",
-    "misses": "Ticks that were finished after their deadline, or left out.",
-    "fallbacks": "Ticks whose contact came too late: the last one was carried on by its stiffness.",
-    "passivity": "Ticks in which the passivity controller took force away, because otherwise the "
-    "hand would have got energy that is not there: it would buzz.",
-    "clamped": "Ticks in which the force met a limit of the device, and was held back.",
-    "silences": "How often the device said nothing for longer than the watchdog waits: the hand "
-    "then feels nothing until it is back.",
-}
-"""What each number means, shown when the pointer is over it."""
 
 
 def mode_of(timeline: Timeline) -> str:
@@ -94,7 +80,7 @@ def rows_of(frame: Frame, wanted: float) -> list[tuple[str, str, str, str]]:
 
 def table(rows: list[tuple[str, str, str, str]]) -> str:
     """Return the rows as an HTML table."""
-    return render("live_status.html", rows=rows, words=_WORDS)
+    return render("live_status.html", rows=rows)
 
 
 class StatusPanel(Panel):

@@ -17,6 +17,7 @@ from asperity.viewer.changes import (
     PIXEL,
     RELIEF,
     SMOOTH,
+    SURFACES,
     bodies_of,
     texture_of,
     with_meshes,
@@ -28,7 +29,6 @@ from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.panels.scene_view import SceneView
 from asperity.viewer.server.uploads import IMAGE_SUFFIXES, MESH_SUFFIXES, Uploads
 from asperity.viewer.servo_client import ServoClient
-from asperity.viewer.surfaces import SURFACES
 
 FILE = "the file below"
 STATED = "as stated, else mm"

@@ -3,61 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+from pathlib import Path
 from typing import Any
 
 _NO_MENU = "button:has(> svg.tabler-icon-adjustments), .tabler-icon-adjustments{display:none}"
-KEYS = """
-if (!window.asperityKeys) {
-  window.asperityKeys = true;
-  const forward = (key, code) => document.documentElement.dispatchEvent(
-    new KeyboardEvent('keydown', {key, code, bubbles: true, cancelable: true}));
-  document.addEventListener('keydown', (event) => {
-    const target = event.target;
-    if (event.key === '?' && !/^(INPUT|TEXTAREA)$/.test(target.tagName)) forward('h', 'KeyH');
-    if (event.key === 'Escape') {
-      const buttons = document.querySelectorAll('.mantine-Modal-content button');
-      if (buttons.length) buttons[buttons.length - 1].click();
-    }
-    if (event.key === ' ' && target.getAttribute('role') === 'tab') {
-      event.preventDefault();
-      event.stopPropagation();
-      target.blur();
-      forward(' ', 'Space');
-    }
-  }, true);
-}
-"""
-"""viser has no key `?`, which is that of the help, `h`, and none that closes a window; a tab that
-was clicked keeps the space bar to itself."""
-
-JUDGE = """
-if (!window.asperityJudge) {
-  // `asperityLight`: 'chosen' by a person, by this, or for pictures and tests.
-  window.asperityJudge = (perSecond) => {
-    if (window.asperityLight === 'chosen' || perSecond < LEAST) return;
-    window.asperityLight = 'chosen';
-    document.documentElement.dispatchEvent(new KeyboardEvent('keydown',
-      {key: 'l', code: 'KeyL', bubbles: true, cancelable: true}));
-  };
-  document.addEventListener('keydown', (event) => {
-    if (event.key === 'l' && event.isTrusted) window.asperityLight = 'chosen';
-  }, true);
-  const watch = () => {
-    let frames = 0;
-    const count = () => { frames += 1; requestAnimationFrame(count); };
-    requestAnimationFrame(count);
-    setTimeout(() => {
-      if (document.visibilityState === 'visible') window.asperityJudge(1e3 * frames / WINDOW);
-    }, WINDOW);
-  };
-  const wait = () => document.querySelector('[role=tab]') ? setTimeout(watch, WAIT)
-    : setTimeout(wait, 200);
-  wait();
-}
-"""
-"""Requests full light where enough frames are drawn a second, which viser does not measure."""
-for _name, _value in {"LEAST": 10, "WINDOW": 2000, "WAIT": 1000}.items():
-    JUDGE = JUDGE.replace(_name, str(_value))
+KEYS, JUDGE = (
+    Path(__file__).with_name(name).read_text("utf-8") for name in ("keys.js", "light.js")
+)
+"""For keys of the page, and for full light where frames are drawn fast enough."""
 
 
 def run_in_browsers(server: Any, source: str) -> None:

@@ -15,7 +15,7 @@ from asperity.viewer.link import LinkRequests
 from asperity.viewer.panels.panel import Frame, Panel, ViewModel
 from asperity.viewer.server.access import TokenGate, guarded, is_local, own_origin, require_address
 from asperity.viewer.server.pace import UpdatePace, step_back
-from asperity.viewer.server.transfers import bound_uploads
+from asperity.viewer.server.uploads import bound_uploads
 from asperity.viewer.servo_client import ServoClient
 
 if TYPE_CHECKING:
