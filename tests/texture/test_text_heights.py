@@ -164,6 +164,14 @@ def test_points_may_lack_some_and_have_more_columns(tmp_path: Path) -> None:
     same(read_heights(head))
 
 
+def test_a_damaged_place_of_scattered_points_is_named(tmp_path: Path) -> None:
+    points = 1e-3 * np.random.default_rng(2).random((500, 3))
+    points[122, 0] = 0.7
+    path = write(tmp_path / "a.xyz", rows(points, " "))
+    with pytest.raises(SurfaceError, match=r"point 123 is at 0\.7, .* far from all others"):
+        read_heights(path, unit="m")
+
+
 def test_scattered_points_are_interpolated_aloud(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     x, y = rng.uniform(0.0, 3e-4, 4000), rng.uniform(0.0, 2e-4, 4000)

@@ -17,6 +17,8 @@ _FILLED = 0.5
 """Least share of a grid's places that have a point."""
 
 
+_FAR, _SEVERAL = 20.0, 100
+"""Distance of a stray point, over the extent of 98 % of all, and least number of points to tell."""
 MOST_PER_POINT = 400
 """Places of a map for each scattered point, at most: more would show nothing but the triangles."""
 
@@ -98,6 +100,20 @@ def scattered(x: Array, y: Array, z: Array, pixel: float | None = None) -> Grid:
         f"{x.size} points that lie on no grid: between them the map is linear, {columns} x {rows}"
     )
     return Grid(np.asarray(values), (step, step), note)
+
+
+def stray(x: Array, y: Array) -> int | None:
+    """Return the point (of n) that is far from all others, as a damaged number makes it, or None.
+
+    A map that reached it would be one of triangles between that point and the rest.
+    """
+    farthest, at = _FAR, None
+    for places in (x, y):
+        low, middle, high = np.quantile(places, [0.01, 0.5, 0.99], method="nearest")
+        away = np.abs(places - middle)
+        if high > low and (ratio := float(away.max()) / float(high - low)) > farthest:
+            farthest, at = ratio, int(np.argmax(away))
+    return at if x.size >= _SEVERAL else None
 
 
 def profile(x: Array, z: Array) -> Grid | None:

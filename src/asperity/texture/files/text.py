@@ -14,7 +14,7 @@ from asperity._core.text_table import TextTable, read_text_table
 from asperity._core.units import LENGTHS, named_unit, short_unit
 from asperity.errors import SurfaceError
 from asperity.texture.files.interferometers import is_wyko, is_zygo, load_wyko, load_zygo
-from asperity.texture.files.points import Grid, on_grid, profile, scattered
+from asperity.texture.files.points import Grid, on_grid, profile, scattered, stray
 from asperity.texture.files.stored import NO_UNIT, NO_UNITS, Stored, check_size, refuse
 from asperity.texture.files.text_columns import (
     FEW,
@@ -179,6 +179,11 @@ def _map(
     grid = on_grid(*points)
     if grid is not None:
         return grid
+    x, y, _ = points
+    if (at := stray(x, y)) is not None:
+        middle = f"{np.median(x):.6g}, {np.median(y):.6g}"
+        refuse(path, f"point {at + 1} is at {x[at]:.6g}, {y[at]:.6g}, far from all others (about "
+               f"{middle}): is it damaged? Valid: the points without it")  # fmt: skip
     try:
         return scattered(*points, step)
     except OverflowError:
