@@ -50,6 +50,8 @@ _AGAINST = 0.125
 
 psi(n) . psi(m) is nowhere less than -1/8.
 """
+_BY_SIZE = np.array(sorted(range(1, 1 << DIRECTIONS), key=lambda members: members.bit_count()))
+"""All choices, as the bits of their members; those of few directions come first."""
 
 
 @by_reference
@@ -208,24 +210,14 @@ def _is_duplicate(choices, rows, count):
 
 
 @inner_kernel
-def _size_of(members, rows):
-    """Return the number of members of a choice."""
-    size = 0
-    for i in range(rows):
-        size += members >> i & 1
-    return size
-
-
-@inner_kernel
 def list_choices(choices, rows):
     """Fill the choices short enough to count; return their number, 0 if one has no length.
 
     Those of few directions come first.
     """
     ways, bound, count = choices.ways, np.inf, 0
-    for turn in range(rows << rows):
-        size, members = (turn >> rows) + 1, turn & ((1 << rows) - 1)
-        if count == ways.length.size or _size_of(members, rows) != size:
+    for members in _BY_SIZE:
+        if count == ways.length.size or members >= 1 << rows:
             continue
         choices.members[count] = members
         fill_needed(choices, rows, count)
