@@ -188,3 +188,18 @@ def test_a_sharp_edge_beside_a_ring_is_not_behind_it():
     for up in (0.0, 1e-6, 1e-5, 1e-4):
         engine.reset()
         assert not engine.wrench(at + np.array([0, 0, up, 0, 0, 0, 0]), 0.0).any()
+
+
+@pytest.mark.parametrize("gap", [0.02e-3, 0.1e-3])
+def test_nothing_is_felt_between_thin_walls(gap):
+    """A thin plate's far side lies behind a fin's far side, less than a twentieth of them apart."""
+    half, fin = (0.075e-3, 8e-3, 8e-3), 0.1e-3
+    lines = [[-10e-3, 0.0, fin, 10e-3], [-10e-3, 10e-3], [-4e-3, 0.0, 12e-3]]
+    body = thing("body", blocks(*lines, empty=[(0, 0, 1), (2, 0, 1)]))
+    engine = engine_of(brick(half), body)
+    for side in (-gap - half[0], fin + gap + half[0]):
+        engine.reset()
+        for _ in range(2):
+            assert not touch(engine, pose(side, 0, 10e-3)).wrench.any()
+    found = touch(engine, pose(-half[0] + 0.03e-3, 0, 10e-3))
+    assert found.wrench[0] == pytest.approx(-STIFFNESS * 0.03e-3, rel=1e-6)

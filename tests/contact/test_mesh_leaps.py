@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.texture.height_field import HeightField
-from contact.naive_meshes import STIFFNESS, ball_mesh, block, brick, engine_of, thing
+from contact.naive_meshes import STIFFNESS, ball_mesh, block, blocks, brick, engine_of, thing
+from contact.test_cavities import SHAPES
 from contact.test_mesh_potential import anywhere, first_pose, gradient_error
 
 
@@ -77,3 +78,38 @@ def test_a_rough_face_that_turns_away_does_not_drop_out_at_once(over_an_edge):
 def test_force_on_a_rough_face_that_drops_out(over_an_edge, cosine):
     error, _ = gradient_error(over_an_edge, lying(cosine))
     assert error < 1e-6
+
+
+BARS = {"thin": (9e-3, 1.5e-3, 1e-3), "thick": (12e-3, 3e-3, 3e-3)}
+
+
+@pytest.mark.parametrize(
+    ("shape", "bar", "seed"),
+    [
+        ("channel", "thin", 0), ("cup", "thin", 0), ("channel", "thin", 57), ("corner", "thin", 57),
+        ("cup", "thick", 56), ("corner", "thick", 50),
+    ],
+)  # fmt: skip
+def test_the_way_out_is_not_much_longer_than_the_way_in(shape, bar, seed):
+    """Facets far behind a wall made it up to 22 times as long, all at once."""
+    rng = np.random.default_rng(seed)
+    lines, empty = SHAPES[shape]()
+    engine = engine_of(brick(BARS[bar]), thing("body", blocks(*lines, empty=empty)))
+    turn = np.roll(Rotation.random(random_state=seed).as_quat(), 1)
+    along = rng.normal(size=3)
+    along /= np.linalg.norm(along)
+    beside = np.array([0, 0, 5e-3]) + rng.normal(size=3) * 4e-3
+    beside -= beside @ along * along
+
+    def at(distance):
+        return length(engine, np.append(beside + distance * along, turn))
+
+    high = 50e-3
+    while at(high - 0.3e-3) == 0.0:
+        high -= 0.3e-3
+    low = high - 0.3e-3
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if at(middle) > 0.0 else (low, middle)
+    for depth in (1e-4, 3e-4, 6e-4, 9e-4, 1e-3)[: 5 - (bar == "thick")]:
+        assert 0.1 * depth < at(low - depth) < 1.2 * depth

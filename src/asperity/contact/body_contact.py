@@ -19,6 +19,7 @@ from asperity.contact.broad_phase.mujoco_pairs import Candidates, Collider, no_c
 from asperity.contact.contacts import Contacts, empty_contacts
 from asperity.contact.geom_tick import tick
 from asperity.contact.manifold.covered import covered_faces
+from asperity.contact.manifold.inside import with_thickness
 from asperity.contact.manifold.mesh_memory import MeshMemory, forget, mesh_memory
 from asperity.contact.manifold.records import MAX_PATCHES as MAX_MESH_PATCHES
 from asperity.contact.many_poses import PoseBatch, solve_geoms, solve_meshes
@@ -80,7 +81,7 @@ def body_arrays(bodies: Sequence[Body], collider: Collider, group: NDArray[np.in
     textures, geometry = flatten_bodies(bodies)
     geometry = geometry._replace(covered=covered_faces(geometry, collider.frames, group))
     is_mesh = np.array([body.mesh is not None for body in bodies])
-    facets = facet_table(bodies, textures, geometry) if is_mesh.any() else None
+    facets = with_thickness(facet_table(bodies, textures, geometry)) if is_mesh.any() else None
     with_map = {i: body.name for i, body in enumerate(bodies) if body.stiffness_maps}
     return BodyArrays(
         textures, geometry, facets, collider.frames, collider.geom_number, collider.centres,

@@ -18,6 +18,7 @@ from asperity.contact.body_contact import BodyArrays, BodyContact
 from asperity.contact.broad_phase.facet_bvh import facet_table
 from asperity.contact.broad_phase.mujoco_pairs import Candidates, rigid_groups
 from asperity.contact.manifold.covered import covered_faces
+from asperity.contact.manifold.inside import with_thickness
 from asperity.contact.response.settings import ForceSettings
 from asperity.contact.search_room import SearchRoom, search_room
 from asperity.mujoco.bodies import Carried, CarriedBodies
@@ -89,7 +90,7 @@ class PairPlan:
         pairs = _pairs(carried, groups, frames)
         facets = None
         if is_mesh.any() or any(pair.by_facets for pair in pairs):
-            facets = facet_table(bodies, textures, geometry)
+            facets = with_thickness(facet_table(bodies, textures, geometry))
         self._arrays = BodyArrays(
             textures, geometry, facets, frames, number, np.zeros((len(bodies), 3)), is_mesh, {}
         )

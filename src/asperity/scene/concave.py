@@ -19,8 +19,6 @@ from asperity.scene.document import at
 from asperity.scene.mjcf import model_mesh, touchable_geoms
 
 Array = NDArray[np.float64]
-CONVEX_UP_TO = 1e-3
-"""How deep a mesh may lie under its convex hull and count as convex, in sizes of the mesh."""
 _PIECES_GROUP = 3
 
 
@@ -53,7 +51,7 @@ def with_convex_pieces(
     }
     if not owner:
         return model, ()
-    from asperity.geometry.convex.pieces import is_convex  # slow to import
+    from asperity.geometry.convex.pieces import CONVEX_UP_TO, is_convex  # slow to import
 
     meshes = {int(model.geom_dataid[number]) for number in owner}
     concave = {i for i in meshes if not is_convex(*model_mesh(model, i), CONVEX_UP_TO)}

@@ -18,7 +18,7 @@ from asperity._core.kernels import kernel
 from asperity._core.structures import by_reference
 from asperity.contact.body_arrays import Geometry
 from asperity.contact.broad_phase.polyhedra import Polyhedra, polyhedra, steepness
-from asperity.contact.broad_phase.surface_sizes import flat_area, surface_width
+from asperity.contact.broad_phase.surface_sizes import flat_area, is_convex_body, surface_width
 from asperity.contact.narrow_phase.surface_patch import PLANAR, TRIPLANAR
 from asperity.geometry.bodies import MAPPINGS, Body, Geom
 from asperity.geometry.facets.facets import MOST_SIDES, Facets, joined, mesh_facets, taken
@@ -123,6 +123,8 @@ class FacetTable(NamedTuple):
     """Mean area of a body's plane faces, weighted by their areas [m^2], (bodies,)."""
     width: Array
     """Second largest standard deviation of a body's surface [m], (bodies,)."""
+    thickness: NDArray[np.float64]
+    """Least thickness of the body behind the facet if it is a thin wall [m], else inf; (n,)."""
     is_convex: NDArray[np.bool_]
     """Whether a body is convex, (bodies,)."""
     polyhedra: Polyhedra
@@ -176,10 +178,11 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         varies=np.array([_are_different(row) for row in properties]),
         slack=np.array(slacks), first_surface=geometry.surface[first_geoms], raised=raised,
         lowered=lowered, middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
-        first=first, last=last, root=np.array(roots, dtype=np.int64),
+        first=first, last=last, root=np.array(roots),
         flat_area=np.array([flat_area(part) for part in sets]),
         width=np.array([surface_width(part) for part in sets]),
-        is_convex=(np.diff(solids.first_face) > 0) | [len(body.geoms) == 1 for body in bodies],
+        thickness=np.full(len(facets), np.inf),
+        is_convex=(np.diff(solids.first_face) > 0) | [is_convex_body(body) for body in bodies],
         polyhedra=solids,
     )  # fmt: skip
 

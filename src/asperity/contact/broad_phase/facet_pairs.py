@@ -17,7 +17,7 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import FacetTable
-from asperity.contact.narrow_phase.steep_plane import FLATTEST, STEEPEST
+from asperity.contact.narrow_phase.steep_plane import STEEPEST
 
 MAX_FACET_PAIRS = 32768
 _FLATTEST = 0.01
@@ -125,7 +125,7 @@ def flattest(table: FacetTable, a, b):
     Facets of convex bodies may be steep: the tip of a needle has no others. In a cavity a steep
     facet may be behind the opposite wall.
     """
-    return _FLATTEST if table.is_convex[a] and table.is_convex[b] else FLATTEST
+    return _FLATTEST if table.is_convex[a] and table.is_convex[b] else STEEPEST
 
 
 @small_kernel

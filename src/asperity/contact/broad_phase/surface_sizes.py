@@ -1,10 +1,12 @@
-"""Sizes of a body's surface that do not depend on its tessellation or pose."""
+"""Sizes of a body's surface that do not depend on its tessellation or pose, and convexity."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.geometry.bodies import Body
+from asperity.geometry.convex.pieces import CONVEX_UP_TO, is_convex
 from asperity.geometry.facets.facets import Facets
 
 _SAME_PLANE, _OFF_ROUND_NUMBERS = 1e-3, 0.2137
@@ -54,3 +56,10 @@ def _triangles(facets: Facets) -> tuple[NDArray[np.float64], NDArray[np.float64]
     one, other = corners[..., 1, :] - first, corners[..., 2, :] - first
     area = 0.5 * np.linalg.norm(np.cross(one, other), axis=-1)
     return corners, np.where(np.arange(2, last + 1) < facets.sides[:, None], area, 0.0)
+
+
+def is_convex_body(body: Body) -> bool:
+    """Return whether a body is one convex geom, or a mesh that is convex but for fine marks."""
+    if body.mesh is None:
+        return len(body.geoms) == 1
+    return is_convex(body.mesh.vertices, body.mesh.faces, CONVEX_UP_TO)

@@ -24,6 +24,7 @@ from asperity.contact.manifold.overlap_region import (
     add_piece,
     clip_depth,
     clip_pair,
+    clip_piece,
     corner_slope,
     deepest_corner,
 )
@@ -63,9 +64,39 @@ def integrate_regions(table, query, count, thin, region):
     region : OverlapRegion
     """
     kept, volume = _integrate(table, query, count, thin, FLATTEST, region)
-    least = flattest(table, query.first, query.second)
-    if volume == 0.0 and least < FLATTEST:
+    if volume == 0.0:
+        least = flattest(table, query.first, query.second)
         kept, _ = _integrate(table, query, kept, thin, least, region)
+    elif thin < math.inf:
+        kept = _drop_steep(table, query, kept, region)
+    return kept
+
+
+@inner_kernel
+def _drop_steep(table, query, count, region):
+    """Drop steep pairs that overlap by much more than the integrated ones; return how many remain.
+
+    A steep facet ends where one that is less steep begins, nearly as deep. If there is none, it
+    belongs to another contact, and would add its depth to this one.
+    """
+    kept = 0
+    for i in range(count):
+        f, g, volume = region.facets.pairs[i, 0], region.facets.pairs[i, 1], 0.0
+        for d in range(DIRECTIONS):
+            volume += region.volumes[i, d]
+        if volume == 0.0 and facing_cosine(table, f, g, region.facets) < FLATTEST:
+            most = 0.0
+            for d in range(DIRECTIONS):
+                if table.shares[g, d] > 0.0:
+                    most = max(most, region.sums[d].deepest)
+            piece = clip_piece(table, query, f, g, region)
+            if piece[1] >= 3 and deepest_corner(region, piece)[0] > RATIO * most + query.raised:
+                continue
+        if kept < i:
+            region.facets.pairs[kept, 0], region.facets.pairs[kept, 1] = f, g
+            for d in range(DIRECTIONS):
+                region.volumes[kept, d] = region.volumes[i, d]
+        kept += 1
     return kept
 
 
@@ -81,9 +112,16 @@ def _integrate(table, query, count, thin, least, region):
         piece = clip_pair(table, f, g, reach, reach, limit, region)
         if piece[1] < 0:
             continue
-        is_piece = piece[1] >= 3
-        is_deep = is_piece and deepest_corner(region, piece)[0] > thin
-        if is_deep and is_across_cavity(table, f, g, piece, query, region):
+        is_piece, deepest, corner = piece[1] >= 3, -np.inf, 0
+        if is_piece:
+            deepest, corner = deepest_corner(region, piece)
+        if deepest > limit:
+            piece = clip_depth(region, piece, limit)
+            if piece[1] < 3:  # it is beyond the limit where it is over B's facet
+                continue
+            deepest, corner = deepest_corner(region, piece)
+        solid = max(reach, table.thickness[g])
+        if deepest > min(thin, solid) and is_across_cavity(table, f, g, piece, query, region):
             continue
         region.facets.pairs[kept, 0], region.facets.pairs[kept, 1] = f, g
         volumes = region.volumes[kept]
@@ -91,12 +129,6 @@ def _integrate(table, query, count, thin, least, region):
         clear(volumes)
         if not is_piece or facing_cosine(table, f, g, region.facets) < least:
             continue
-        deepest, corner = deepest_corner(region, piece)
-        if deepest > limit:
-            piece = clip_depth(region, piece, limit)
-            if piece[1] < 3:
-                continue
-            deepest, corner = deepest_corner(region, piece)
         for d in range(DIRECTIONS):
             share = table.shares[g, d]
             if share == 0.0:

@@ -35,6 +35,7 @@ from asperity.contact.broad_phase.facet_pairs import (
 )
 from asperity.contact.broad_phase.neighbour_list import RelativePose, neighbour_pairs
 from asperity.contact.manifold.directions import integrate_regions, search_directions
+from asperity.contact.manifold.inside import WALL
 from asperity.contact.manifold.mean_normal import add_normal_rates
 from asperity.contact.manifold.overlap_region import clip_piece
 from asperity.contact.manifold.polyhedron_manifold import (
@@ -62,8 +63,6 @@ from asperity.geometry.frames import add_to_world, fill_origin, to_body
 
 _LIMIT_FRACTION = 0.25
 """Least limit on the overlap of facets, over the least half side of the thinner body."""
-_CAVITY_FRACTION = 0.05
-"""Overlap of facets, over the smaller body's size, above which it may lie across a cavity."""
 _LEAST_REACH = 3e-5
 """Distance over the smaller body's width at which smooth surfaces belong to the overlap region."""
 _OBLIQUE = math.sqrt(3.0)
@@ -145,7 +144,7 @@ def _find_way_out(model, parameters, query, memory, space, workspace):
     count = _fill_pairs(model, query, memory, space)
     is_pair = is_polyhedron_pair(table, query)
     # Convex bodies have no cavities.
-    thin = math.inf if is_pair else max(_CAVITY_FRACTION * size, query.raised)
+    thin = math.inf if is_pair else max(WALL * size, query.raised)
     count = integrate_regions(table, query, count, thin, space.region)
     if is_pair:
         way_out = polyhedron_way_out(model, parameters, query, count, memory, space, workspace)

@@ -11,9 +11,12 @@ from asperity.contact.narrow_phase.displaced_surface import place_at
 from asperity.contact.narrow_phase.steep_plane import lower_steep
 from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, fill_lateral, fill_properties
 
+_SMOOTH_RELIEF = 0.5
+"""What stands for the relief of a smooth facet that drops out, over its size."""
+
 
 @inner_kernel
-def fill_facet_patch(table, geometry, f, rotation, translation, patch):
+def fill_facet_patch(table, geometry, f, rotation, translation, fades, patch):
     """Fill a `PATCH` with a facet.
 
     Parameters
@@ -26,6 +29,8 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
         From the body's frame to the contact frame, whose z is the direction of contact.
     translation : (3,) array
         Origin of the body's frame in the contact frame [m].
+    fades : bool
+        Whether the facet drops out gradually where it is steep, though it has no texture.
     """
     clear_record(patch)
     lateral, slope, facet_normal = patch.lateral, patch.slope, stack_array((3,))
@@ -64,10 +69,13 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
     stiffness = table.stiffness[f]
     if stiffness == stiffness:
         patch.stiffness_map, patch.compliance = -1, 1.0 / stiffness
-    if texture < 0 and patch.friction_map < 0 and patch.stiffness_map < 0:
-        return
     if texture >= 0:
         lower_steep(patch, facet_normal, geometry.texture_size[surface])
+    elif fades:
+        size = max(table.half[f, 0], table.half[f, 1])
+        lower_steep(patch, facet_normal, _SMOOTH_RELIEF * size)
+    if texture < 0 and patch.friction_map < 0 and patch.stiffness_map < 0:
+        return
     patch.texture_top = table.top[f]
     for k in range(3):
         patch.texture_origin[k], patch.body_normal[k] = table.place[f, k], table.w[f, k]

@@ -65,6 +65,8 @@ class _View(NamedTuple):
     """From the body's frame to the contact frame, (3, 3)."""
     translation: NDArray[np.float64]
     """(3,) [m]."""
+    fades: bool
+    """Whether facets without a texture drop out gradually, unless both bodies are convex."""
 
 
 @inner_kernel
@@ -109,7 +111,8 @@ def _patches_of_facet(table, geometry, f, view, made, patches, space):
     if geom >= 0:
         made = fill_geom_patches(geometry, geom, view.frame, view.body, patches, made)
     else:
-        fill_facet_patch(table, geometry, f, view.rotation, view.translation, patches[made])
+        rotation, translation = view.rotation, view.translation
+        fill_facet_patch(table, geometry, f, rotation, translation, view.fades, patches[made])
         made += 1
     slot.end = made
     return slot.first, slot.end, made, True
@@ -304,8 +307,13 @@ def collect_candidates(model, query, criteria, memory, space):
         down[0, k], down[1, k], down[2, k] = frame[0, k], frame[1, k], -frame[2, k]
     _fill_transform(down, query.frame_a, rotation_a, translation_a)
     _fill_transform(frame, query.frame_b, rotation_b, translation_b)
-    view_a = _View(np.int64(0), down, query.frame_a, rotation_a, translation_a)
-    view_b = _View(np.int64(1), frame, query.frame_b, rotation_b, translation_b)
+    fades = False
+    if criteria.listed > 0:
+        first = space.listed[0]
+        f, g = space.region.facets.pairs[first, 0], space.region.facets.pairs[first, 1]
+        fades = flattest(table, table.body[f], table.body[g]) == STEEPEST
+    view_a = _View(np.int64(0), down, query.frame_a, rotation_a, translation_a, fades)
+    view_b = _View(np.int64(1), frame, query.frame_b, rotation_b, translation_b, fades)
     made_a, made_b, count = criteria.made_a, criteria.made_b, np.int64(0)
     has_room = True
     candidates, facets = memory.candidates, space.region.facets.pairs

@@ -24,6 +24,8 @@ from asperity.geometry.mesh.checks import SAME_PLACE, joined, refuse, same_place
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.geometry.mesh.topology import Edges, crosses, edges_of
 
+CONVEX_UP_TO = 1e-3
+"""How deep a mesh may lie under its convex hull and count as convex, in sizes of the mesh."""
 _CONVEX = 1e-6
 _HAIR = 1e-4
 _MAX_CORNERS = 4000
