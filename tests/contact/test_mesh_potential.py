@@ -14,6 +14,7 @@ from asperity.simulation.tool_contact import ToolContact
 from contact.naive_meshes import (
     STIFFNESS,
     ball_mesh,
+    block,
     blocks,
     box_corners,
     brick,
@@ -197,6 +198,66 @@ def test_random_polyhedra_are_pushed_by_the_least_that_frees_them(seed, at_corne
     assert min(forces) > 0.65
     assert max(forces) < 1.1
     assert np.quantile(errors, 0.85) < 1e-6
+
+
+def least_translation(one, two, rng):
+    """Return the least translation [m] that separates convex bodies, points (n, 3), by descent."""
+
+    def overlap(n):
+        return (n @ two.T).max(-1) - (n @ one.T).min(-1)
+
+    n = rng.normal(size=(4000, 3))
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    n = n[np.argsort(overlap(n))[:20]]
+    for step in np.geomspace(0.1, 1e-6, 50):
+        tried = n[:, None] + step * rng.normal(size=(20, 40, 3))
+        tried /= np.linalg.norm(tried, axis=2)[..., None]
+        tried = np.concatenate([n[:, None], tried], axis=1)
+        n = tried[np.arange(20), overlap(tried).argmin(1)]
+    return overlap(n).min()
+
+
+def convex_mesh(rng):
+    kind, size = rng.integers(4), rng.uniform(4e-3, 9e-3)
+    if kind < 2:
+        points = rng.normal(size=(rng.integers(40, 150), 3))
+        points /= np.linalg.norm(points, axis=1)[:, None]
+        return hull_mesh(size * points * rng.uniform(0.5, 1.0, 3))
+    if kind == 2:
+        return roller(size, size * rng.uniform(0.3, 1.5), 80)
+    return block(size * rng.uniform(0.4, 1.0, 3))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_convex_meshes_of_many_faces_are_pushed_by_the_least_that_frees_them(seed):
+    """Where a corner of B met a face of A the force was up to 1.7 k times the least."""
+    rng, taken, forces, errors = np.random.default_rng(seed), [], [], []
+    for _ in range(6):
+        meshes = [convex_mesh(rng), hull_mesh(convex_mesh(rng).vertices)]
+        one, two = (np.array(mesh.vertices) for mesh in meshes)
+        engine = engine_of(*(thing(name, m) for name, m in zip("ab", meshes, strict=True)))
+        along, q = rng.normal(size=3), anywhere(rng, 3.0)
+        along /= np.linalg.norm(along)
+        turned_one = Rotation.from_quat(np.roll(q, -1)).apply(one)
+        low, high, depth = 0.0, 4e-2, rng.uniform(5e-5, 3e-4)
+        for _ in range(11):
+            middle = 0.5 * (low + high)
+            is_deep = least_translation(turned_one + middle * along, two, rng) > depth
+            low, high = (middle, high) if is_deep else (low, middle)
+        least = least_translation(turned_one + low * along, two, rng)
+        at = np.append(low * along, q)
+        error, size = gradient_error(engine, at)
+        first_pose(engine, at)
+        errors.append(error)
+        taken.append(math.sqrt(2.0 * engine.energy / STIFFNESS) / least)
+        forces.append(size / (STIFFNESS * least))
+    print(f"way out {min(taken):.2f} to {max(taken):.2f} of the least, "
+          f"force {min(forces):.2f} to {max(forces):.2f}")  # fmt: skip
+    assert min(taken) > 0.9
+    assert max(taken) < 1.06
+    assert min(forces) > 0.8
+    assert max(forces) < 1.1
+    assert np.quantile(errors, 0.8) < 1e-6
 
 
 def test_the_way_out_of_polyhedra_never_leaps():

@@ -8,9 +8,9 @@ from asperity._core.kernels import clear, inner_kernel, kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_pairs import largest_displacement
 from asperity.contact.contacts import NO_ROOM
+from asperity.contact.manifold.both_roles import add_convex_or_mesh_manifold
 from asperity.contact.manifold.mesh_manifold import (
     BodyQuery,
-    add_mesh_manifold,
     in_order,
     remember,
     texture_reach,
@@ -89,8 +89,8 @@ def _fill_manifold(model, parameters, query, motion, step, memory, space, worksp
         fill_relative_frame(motion.centre, scene.frames[one], frame_a)
         fill_relative_frame(motion.centre, scene.frames[two], frame_b)
         raised, lowered = texture_reach(model.facets, one, two)
-        pair = BodyQuery(b, one, two, frame_a, frame_b, step, 0.0, raised, lowered)
-        space.way_out[b] = add_mesh_manifold(
+        pair = BodyQuery(b, one, two, frame_a, frame_b, step, 0.0, raised, lowered, 0)
+        space.way_out[b] = add_convex_or_mesh_manifold(
             model, parameters, pair, overlap, memory, space, workspace, space.rest[b]
         )
         if query.dt > 0.0:

@@ -13,21 +13,12 @@ import math
 
 import numpy as np
 
-from asperity._core.kernels import clear, inner_kernel
+from asperity._core.kernels import inner_kernel
 from asperity._core.records import clear_record
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
-from asperity.contact.broad_phase.facet_pairs import facing_cosine, flattest
-from asperity.contact.manifold.inside import is_across_cavity
+from asperity.contact.manifold.convex_regions import are_convex, fill_presences
 from asperity.contact.manifold.mean_normal import fill_mean_normal
-from asperity.contact.manifold.overlap_region import (
-    add_piece,
-    clip_depth,
-    clip_pair,
-    clip_piece,
-    corner_slope,
-    deepest_corner,
-)
 from asperity.contact.manifold.properties import least_scale
 from asperity.contact.manifold.records import MAX_DIRECTIONS, MAX_PARTS, MAX_PATCHES
 from asperity.contact.manifold.residual import fill_residuals
@@ -37,7 +28,6 @@ from asperity.contact.narrow_phase.load import scale_of
 from asperity.contact.narrow_phase.mesh_depth import SplitRegion, region_depths
 from asperity.contact.narrow_phase.mesh_patches import FacetQuery
 from asperity.contact.narrow_phase.penetration import may_touch
-from asperity.contact.narrow_phase.steep_plane import FLATTEST
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import depth_tolerance, to_body, to_world
 
@@ -45,111 +35,6 @@ _BUDGET, _LEAST_BUDGET = 2.0, 0.05
 """Node budget of all directions of a body, and the least of one direction, in `max_nodes`."""
 _RADIUS = 1.0 / 3.0
 """Default patch radius, over the width of the smaller body."""
-
-
-@inner_kernel
-def integrate_regions(table, query, count, thin, region):
-    """Fill the integrals of all directions; keep the facet pairs that may touch, return how many.
-
-    Pairs at a steep angle are kept for the depth search but not integrated, unless there are no
-    others, as where a needle stands on a plate.
-
-    Parameters
-    ----------
-    query : BodyQuery
-    count : int
-        Number of listed facet pairs.
-    thin : float
-        Overlap above which a piece may lie across a cavity [m].
-    region : OverlapRegion
-    """
-    kept, volume = _integrate(table, query, count, thin, FLATTEST, region)
-    if volume == 0.0:
-        least = flattest(table, query.first, query.second)
-        kept, _ = _integrate(table, query, kept, thin, least, region)
-    elif thin < math.inf:
-        kept = _drop_steep(table, query, kept, region)
-    return kept
-
-
-@inner_kernel
-def _drop_steep(table, query, count, region):
-    """Drop steep pairs that overlap by much more than the integrated ones; return how many remain.
-
-    A steep facet ends where one that is less steep begins, nearly as deep. If there is none, it
-    belongs to another contact, and would add its depth to this one.
-    """
-    kept = 0
-    for i in range(count):
-        f, g, volume = region.facets.pairs[i, 0], region.facets.pairs[i, 1], 0.0
-        for d in range(DIRECTIONS):
-            volume += region.volumes[i, d]
-        if volume == 0.0 and facing_cosine(table, f, g, region.facets) < FLATTEST:
-            most = 0.0
-            for d in range(DIRECTIONS):
-                if table.shares[g, d] > 0.0:
-                    most = max(most, region.sums[d].deepest)
-            piece = clip_piece(table, query, f, g, region)
-            if piece[1] >= 3 and deepest_corner(region, piece)[0] > RATIO * most + query.raised:
-                continue
-        if kept < i:
-            region.facets.pairs[kept, 0], region.facets.pairs[kept, 1] = f, g
-            for d in range(DIRECTIONS):
-                region.volumes[kept, d] = region.volumes[i, d]
-        kept += 1
-    return kept
-
-
-@inner_kernel
-def _integrate(table, query, count, thin, least, region):
-    """Integrate the pairs above a cosine; return how many are kept, and their volume."""
-    sums, limit, reach, kept, total = region.sums, query.limit, query.raised, 0, 0.0
-    for d in range(DIRECTIONS):
-        clear_record(sums[d])
-        sums[d].deepest = -np.inf
-    for i in range(count):
-        f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
-        piece = clip_pair(table, f, g, reach, reach, limit, region)
-        if piece[1] < 0:
-            continue
-        is_piece, deepest, corner = piece[1] >= 3, -np.inf, 0
-        if is_piece:
-            deepest, corner = deepest_corner(region, piece)
-        if deepest > limit:
-            piece = clip_depth(region, piece, limit)
-            if piece[1] < 3:  # it is beyond the limit where it is over B's facet
-                continue
-            deepest, corner = deepest_corner(region, piece)
-        solid = max(reach, table.thickness[g])
-        if deepest > min(thin, solid) and is_across_cavity(table, f, g, piece, query, region):
-            continue
-        region.facets.pairs[kept, 0], region.facets.pairs[kept, 1] = f, g
-        volumes = region.volumes[kept]
-        kept += 1
-        clear(volumes)
-        if not is_piece or facing_cosine(table, f, g, region.facets) < least:
-            continue
-        for d in range(DIRECTIONS):
-            share = table.shares[g, d]
-            if share == 0.0:
-                continue
-            volumes[d] = add_piece(table, g, piece, reach, share, region, sums[d])
-            total += volumes[d]
-            if deepest > sums[d].deepest:
-                _store_deepest(table, (f, g), piece, corner, region, sums[d])
-    return kept, total
-
-
-@inner_kernel
-def _store_deepest(table, pair, piece, corner, region, sums):
-    """Store a corner of a piece as the deepest point of the smooth bodies."""
-    f, g = pair
-    p = region.polygon[piece[0], corner]
-    sums.deepest = p[2]
-    for k in range(3):
-        place = table.origin[g, k] + p[0] * table.axes[g, 0, k] + p[1] * table.axes[g, 1, k]
-        sums.deepest_point[k] = place - p[2] * table.axes[g, 2, k]
-    corner_slope(table, f, g, piece, corner, region, sums.deepest_slope)
 
 
 @inner_kernel
@@ -172,11 +57,13 @@ def _fill_guesses(query, d, memory, manifold, guess_out):
     deepest, at = 0.0, np.int64(-1)
     for p in range(manifold.count[0].patches):
         depth = manifold.result[p].depth
-        if manifold.patches[p].body == query.body and depth > deepest:
+        patch = manifold.patches[p]
+        is_known = patch.body == query.body and patch.direction >= query.offset
+        if is_known and depth > deepest:
             deepest, at = depth, p
     for part in range(MAX_PARTS):
         for k in range(3):
-            guess_out[part, k] = memory.guess[query.body, d, part, k]
+            guess_out[part, k] = memory.guess[query.body, query.offset + d, part, k]
             if at >= 0 and guess_out[part, k] != guess_out[part, k]:
                 guess_out[part, k] = manifold.patches[at].guess[k]
 
@@ -226,7 +113,8 @@ def _search_patches(model, parameters, query, task, memory, space, workspace):
     place, base = stack_array((3,)), stack_array((3,))
     for p in range(patches):
         patch = manifold.patches[start + p]
-        patch.body, patch.direction, patch.part, patch.weight = query.body, d, p, 0.0
+        patch.body, patch.direction = query.body, query.offset + d
+        patch.part, patch.weight = p, 0.0
         for k in range(3):
             place[k] = manifold.result[start + p].point[k] - query.frame_a[k, 3]
         to_body(query.frame_a, place, patch.guess)
@@ -364,8 +252,12 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
     """
     table, found = model.facets, space.residuals
     soft = least_scale(table, query, parameters.stiffness)
+    are_solid = are_convex(table, query)
     for d in range(MAX_DIRECTIONS):
         clear_record(space.directions[d])
+        space.directions[d].presence = 1.0
+    if are_solid:
+        fill_presences(query, space.region, space.directions)
     for d in range(DIRECTIONS):
         for c in range(DIRECTIONS):
             found.value[d, c] = np.nan
@@ -380,11 +272,17 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
             # A region cut off at the limit need not be searched: see `mesh_manifold`.
             most = RATIO * (LONGEST if deepest < query.limit else 1.0) * least
         is_near = deepest - query.lowered <= most / soft
+        is_near = is_near and direction.presence > 0.0
         if is_near:
             fill_mean_normal(table, count, d, space.region, direction.normal)
             is_near = not _is_redundant(table, query, count, d, space)
-        task = (d, count, most, d)
-        if is_near and search_direction(model, parameters, query, task, memory, space, workspace):
+        task = (d, count, most, -1 if are_solid else d)
+        counts = is_near and search_direction(
+            model, parameters, query, task, memory, space, workspace
+        )
+        if are_solid and is_near and direction.depth == 0.0:
+            return 0  # a plane separates them
+        if counts:
             searched += 1
             least = min(least, direction.depth)
             if direction.depth == 0.0 and _resolves_all(table, query, count, d, space):

@@ -30,12 +30,15 @@ from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.broad_phase.facet_pairs import (
     half_diagonal,
     least_cosine,
+    overlapping_facet_pairs,
     pair_limits,
     relative_transform,
 )
 from asperity.contact.broad_phase.neighbour_list import RelativePose, neighbour_pairs
-from asperity.contact.manifold.directions import integrate_regions, search_directions
+from asperity.contact.manifold.convex_regions import add_presence_rates, are_convex
+from asperity.contact.manifold.directions import search_directions
 from asperity.contact.manifold.inside import WALL
+from asperity.contact.manifold.integrals import integrate_regions
 from asperity.contact.manifold.mean_normal import add_normal_rates
 from asperity.contact.manifold.overlap_region import clip_piece
 from asperity.contact.manifold.polyhedron_manifold import (
@@ -98,6 +101,8 @@ class BodyQuery(NamedTuple):
     """Upper bound on the height of both textures above the smooth surfaces [m]."""
     lowered: float
     """Upper bound on their depth below the smooth surfaces [m]."""
+    offset: int
+    """Added to the number of a direction in patches and memory: 6 if A and B are exchanged."""
 
 
 @inner_kernel
@@ -130,7 +135,10 @@ def _fill_pairs(model, query, memory, space):
     pose = RelativePose(query.first, query.second, query.body, transform, size, query.step)
     least = least_cosine(table, query.first, query.second)
     limits = pair_limits(query.limit, query.raised, least)
-    count = neighbour_pairs(table, pose, limits, memory.lists, facets)
+    if query.offset > 0:
+        count = overlapping_facet_pairs(table, query.first, query.second, transform, limits, facets)
+    else:
+        count = neighbour_pairs(table, pose, limits, memory.lists, facets)
     if facets.state[0].dropped > 0:
         space.manifold.count[0].dropped += 1
     return count
@@ -200,7 +208,7 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
         space.manifold.count[0].patches, space.manifold.count[0].dropped = first, dropped
         here = BodyQuery(
             query.body, query.first, query.second, query.frame_a, query.frame_b, query.step,
-            limit, query.raised, query.lowered,
+            limit, query.raised, query.lowered, query.offset,
         )  # fmt: skip
         way_out, count = _find_way_out(model, parameters, here, memory, space, workspace)
         if is_pair:
@@ -314,7 +322,9 @@ def _has_rest(space):
         direction = space.directions[d]
         if direction.patches == 0:
             continue
-        if direction.volume_rate != 0.0 or not _is_flat(space.region.sums[d]):
+        if direction.presence_rate != 0.0:
+            return True
+        if direction.volume_rate != 0.0 or not is_flat(space.region.sums[d]):
             return True
         for c in range(DIRECTIONS):
             if space.residuals.rate[d, c] != 0.0:
@@ -323,7 +333,7 @@ def _has_rest(space):
 
 
 @inner_kernel
-def _is_flat(sums):
+def is_flat(sums):
     """Return whether all facet normals of a direction are equal."""
     n = sums.normal
     square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
@@ -343,8 +353,10 @@ def _add_rest(table, query, count, parameters, way_out, space, rest_io):
     for i in range(count):
         rates[i] = 0.0
     for d in range(DIRECTIONS):
-        if space.directions[d].patches > 0 and not _is_flat(region.sums[d]):
+        if space.directions[d].patches > 0 and not is_flat(region.sums[d]):
             add_normal_rates(table, count, d, region, space.directions[d].turn, rates)
+    if are_convex(table, query):
+        add_presence_rates(table, query, count, centre, space, gradient)
     if properties_vary(table, query) and not has_map(table, query):
         stiffness = space.stiffness[query.body]
         add_stiffness_rates(table, count, parameters, stiffness, way_out, region)

@@ -39,6 +39,9 @@ DIRECTION = np.dtype(
         ("patches", "i8"),  # number of patches; 0 if not searched
         ("visited", "?"),  # whether it has been searched or skipped
         ("known", "?"),  # whether the residuals after leaving by it are filled
+        ("own_volume", "f8"),  # of two convex bodies: integral of w over its facets [m^3]
+        ("presence", "f8"),  # how far it counts, 0 to 1
+        ("presence_rate", "f8"),  # derivative of the way out by that [m]
         ("rate", "f8"),  # derivative of the way out by the depth
         ("turn", "f8", 3),  # derivative of the way out by the normal [m]
         ("volume_rate", "f8"),  # derivatives by the integrals of the region [1/m^2]

@@ -163,6 +163,10 @@ def fill_residuals(table, query, count, c, space):
     `count` is the number of facet pairs, `query` the `BodyQuery`.
     """
     region, found = space.region, space.residuals
+    if table.is_convex[query.first] and table.is_convex[query.second]:
+        for d in range(DIRECTIONS):
+            found.value[d, c] = 0.0  # each direction separates the bodies completely
+        return
     place, resolved = stack_array((3,)), stack_array((DIRECTIONS,))
     clear(resolved)
     depth = _fill_plane(region.sums[c], query.raised, place)
@@ -311,7 +315,7 @@ def add_residual_gradient(table, query, count, pair, centre, space, gradient_io)
 
 
 @inner_kernel
-def _add_deepest(sums, rate, centre, gradient_io):
+def add_deepest(sums, rate, centre, gradient_io):
     """Add the gradient of a region's largest overlap, times `rate`."""
     arm, force = stack_array((3,)), stack_array((3,))
     for k in range(3):
@@ -328,7 +332,7 @@ def _add_width(sums, reach, rate, centre, direction, gradient_io):
         return
     depth = sums.deepest + reach
     direction.volume_rate += rate / depth**3
-    _add_deepest(sums, -3.0 * rate * sums.volume / depth**4, centre, gradient_io)
+    add_deepest(sums, -3.0 * rate * sums.volume / depth**4, centre, gradient_io)
 
 
 @inner_kernel
@@ -344,4 +348,4 @@ def _add_moved(moved, rate, pair, place, centre, space, gradient_io):
         gradient_io[k] += rate * moved[5 + k]
         gradient_io[3 + k] += rate * moved[8 + k]
         gradient_io[3 + k] -= rate * (centre[one] * moved[5 + two] - centre[two] * moved[5 + one])
-    _add_deepest(sums, rate * _REACH * moved[1], centre, gradient_io)
+    add_deepest(sums, rate * _REACH * moved[1], centre, gradient_io)

@@ -73,6 +73,8 @@ class MeshChoices(NamedTuple):
     """Number, of six, of the i-th direction that counts; (6,)."""
     depth: NDArray[np.float64]
     """[m], (6,)"""
+    presence: NDArray[np.float64]
+    """How far each direction counts, 0 to 1; (6,)."""
     residual: NDArray[np.float64]
     """(6, 6)"""
 
@@ -89,6 +91,7 @@ def mesh_choices() -> MeshChoices:
         alone=np.zeros(len(ways.length)),
         number=np.zeros(DIRECTIONS, np.int64),
         depth=np.zeros(DIRECTIONS),
+        presence=np.zeros(DIRECTIONS),
         residual=np.zeros((DIRECTIONS, DIRECTIONS)),
     )
 
@@ -100,6 +103,7 @@ def collect_directions(space):
     for d in range(DIRECTIONS):
         if space.directions[d].patches > 0:
             choices.number[rows], choices.depth[rows] = d, space.directions[d].depth
+            choices.presence[rows] = space.directions[d].presence
             for k in range(3):
                 choices.ways.inputs[rows, 3 + k] = space.directions[d].normal[k]
             rows += 1
@@ -194,7 +198,17 @@ def fill_shares(choices, rows, count):
                 longer = smooth_step(ratio)
                 alone = choices.alone[other] * smooth_step(ratio + 1.0)
                 own *= 1.0 - more * (longer + alone - longer * alone)
-        choices.own[c] = own
+        choices.own[c] = own * presence_of(choices, rows, c)
+
+
+@inner_kernel
+def presence_of(choices, rows, c):
+    """Return how far a choice counts by the presence of its directions, 0 to 1."""
+    presence = 1.0
+    for i in range(rows):
+        if choices.members[c] >> i & 1:
+            presence *= choices.presence[i]
+    return presence
 
 
 @inner_kernel
@@ -237,6 +251,6 @@ def list_choices(choices, rows):
         presence = _presence(choices, rows, count)
         if length < bound and presence > 0.0:
             count += 1
-            if presence == 1.0:
+            if presence == 1.0 and presence_of(choices, rows, count - 1) == 1.0:
                 bound = min(bound, RATIO * LONGEST * length)
     return count

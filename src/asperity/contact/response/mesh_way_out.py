@@ -16,6 +16,7 @@ from asperity.contact.response.mesh_choices import (
     fill_needed,
     fill_shares,
     list_choices,
+    presence_of,
 )
 from asperity.contact.response.ways_out import RATIO, fill_alike, update_choice
 
@@ -57,15 +58,17 @@ def _excess(choices, count, s):
 
 
 @inner_kernel
-def _smooth_minimum(choices, count):
+def _smooth_minimum(choices, rows, count):
     """Return s, by the secant method with bisection."""
-    least = np.inf
+    least = longest = np.inf
     for c in range(count):
         if choices.own[c] * choices.distinct[c] > 0.0:
             least = min(least, choices.ways.length[c])
+            if presence_of(choices, rows, c) == 1.0:
+                longest = min(longest, choices.ways.length[c])
     if count == 1:
         return least
-    low, high, below = least / RATIO, LONGEST * least, -1.0
+    low, high, below = least / RATIO, LONGEST * longest, -1.0
     above = _excess(choices, count, high)
     if not above > 0.0:
         return least
@@ -139,6 +142,15 @@ def _fill_rates(space, rows, count, s):
                 2.0 * _STEP * by_s
             )
             inputs[i, 3 + k] = n
+        part = choices.presence[i]
+        if 0.0 < part < 1.0:
+            change = min(_STEP, 0.5 * min(part, 1.0 - part))
+            choices.presence[i] = part + change
+            rise = _excess_after_change(choices, rows, count, s)
+            choices.presence[i] = part - change
+            rise -= _excess_after_change(choices, rows, count, s)
+            direction.presence_rate = -rise / (2.0 * change * by_s)
+            choices.presence[i] = part
         for j in range(rows):
             one, two, was = choices.number[i], choices.number[j], choices.residual[i, j]
             if i == j or was <= 0.0 or was >= 1.0:
@@ -181,7 +193,7 @@ def fill_way_out(space):
     if count == 0:
         return 0.0
     _update(choices, rows, count)
-    s = _smooth_minimum(choices, count)
+    s = _smooth_minimum(choices, rows, count)
     count = _keep_contributing(choices, rows, count, s)
     only = _only_active_direction(choices, rows) if count == 1 else -1
     if only >= 0:
