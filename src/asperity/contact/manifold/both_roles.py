@@ -2,17 +2,20 @@
 
 The directions of `mesh_manifold` are mean normals of body B. Where an edge or a corner of B meets a
 face of A, that face's normal gives a shorter way out. Convex bodies are free along either, so that
-where the normals of B's overlap differ the roles are exchanged, and with the
-two lengths s_1 and s_2 the way out is
+where the normals of B's overlap differ the roles are exchanged too, and with the two lengths s_1
+and s_2 the way out is
 
     s = s_2 h(s_1 / s_2),    h(r) = r for r <= 1,  1 + x - x^2 / (4 e) with x = min(r - 1, 2 e)
 
 above: s_1 where it is the shorter one, at most (1 + e) s_2 else, with a continuous slope between.
+The exchange is blended in as the mean of B's unit normals gets shorter.
 """
 
 from __future__ import annotations
 
-from asperity._core.kernels import inner_kernel
+import math
+
+from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.manifold.convex_regions import are_convex
@@ -21,13 +24,17 @@ from asperity.contact.manifold.mesh_manifold import (
     add_mesh_manifold,
     texture_reach,
 )
+from asperity.contact.manifold.overlap_region import clip_piece
 from asperity.contact.manifold.polyhedron_pair import is_polyhedron_pair
-from asperity.contact.manifold.properties import has_map, properties_vary
+from asperity.contact.manifold.properties import has_map, pair_volume, properties_vary
+from asperity.contact.manifold.region_gradient import add_piece_gradient
+from asperity.contact.manifold.separation import smooth_step, smooth_step_slope
+from asperity.geometry.frames import add_to_world, fill_origin
 
 _ROUNDED = 0.03
 """e: how much the way out exceeds the shorter length at most."""
-_ALIGNED = 0.97
-"""Length of the mean of B's normals from which on A's are not looked at."""
+_ALIGNED, _SPREAD = 0.98, 0.95
+"""Lengths of the mean of B's normals between which the exchange is blended in."""
 
 
 @inner_kernel
@@ -38,14 +45,58 @@ def _may_leave_by_either(table, query):
 
 
 @inner_kernel
-def _is_spread(region):
-    """Return whether the normals of the facets of B that overlap differ, by some 14 degrees."""
-    x = y = z = volume = 0.0
+def _fill_mean_normal(region, mean_out):
+    """Fill the mean (3,) of the unit normals of B's facets that overlap; return its length."""
+    clear(mean_out)
+    volume = square = 0.0
     for d in range(DIRECTIONS):
-        if region.sums[d].volume > 0.0:
-            n, volume = region.sums[d].normal, region.sums[d].volume
-            x, y, z = x + n[0], y + n[1], z + n[2]
-    return x * x + y * y + z * z < (_ALIGNED * volume) ** 2
+        sums = region.sums[d]
+        if sums.volume > 0.0:
+            volume = sums.volume  # of the whole region
+            for k in range(3):
+                mean_out[k] += sums.normal[k]
+    for k in range(3):
+        mean_out[k] /= volume
+        square += mean_out[k] * mean_out[k]
+    return math.sqrt(square)
+
+
+@inner_kernel
+def _add_spread_gradient(table, query, count, rate, region, rest_io):
+    """Add the gradient of the length of the mean normal, times `rate`, world axes."""
+    mean, centre, gradient, q = (
+        stack_array((3,)), stack_array((3,)), stack_array((6,)), stack_array((6,)),
+    )  # fmt: skip
+    length, volume = _fill_mean_normal(region, mean), 0.0
+    for d in range(DIRECTIONS):
+        volume = max(volume, region.sums[d].volume)
+    fill_origin(query.frame_b, centre)
+    clear(gradient)
+    clear(q)
+    sign = -1.0 if query.first == query.body else 1.0
+    for i in range(count):
+        f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
+        if pair_volume(region, i) == 0.0:
+            continue
+        piece = clip_piece(table, query, f, g, region)
+        if piece[1] >= 3:
+            z, along, share = table.axes[g, 2], 0.0, 0.0
+            for k in range(3):
+                along += z[k] * mean[k] / length
+            for d in range(DIRECTIONS):
+                share += table.shares[g, d]
+            q[0] = sign * rate * share * (along - length) / volume
+            add_piece_gradient(table, (f, g), piece, query.raised, q, centre, region, gradient)
+    add_to_world(query.frame_b, gradient, rest_io)
+
+
+@inner_kernel
+def _is_empty(region):
+    """Return whether no direction has an overlap."""
+    is_empty = True
+    for d in range(DIRECTIONS):
+        is_empty = is_empty and region.sums[d].volume == 0.0
+    return is_empty
 
 
 @inner_kernel
@@ -74,33 +125,49 @@ def add_convex_or_mesh_manifold(
     Parameters and result are those of `add_mesh_manifold`.
     """
     table, count, region = model.facets, space.manifold.count[0], space.region
-    first, middle, way_out, here = count.patches, count.patches, 0.0, query
+    first, here = count.patches, query
+    middle, way_out, part, slope = first, 0.0, 0.0, 0.0
+    rest, spread, mean = stack_array((6,)), stack_array((6,)), stack_array((3,))
     for turn in range(2):
-        rest = stack_array((6,))
-        found = add_mesh_manifold(model, parameters, here, overlap, memory, space, workspace, rest)
+        found, limit, pairs = add_mesh_manifold(
+            model, parameters, here, overlap, memory, space, workspace, rest
+        )
         if turn == 0:
             middle, way_out = count.patches, found
             for k in range(6):
                 rest_out[k] = rest[k]
             if found == 0.0 or not _may_leave_by_either(table, query):
                 break
-            if not _is_spread(region):
+            x = (_ALIGNED - _fill_mean_normal(region, mean)) / (_ALIGNED - _SPREAD)
+            part, slope = smooth_step(x), -smooth_step_slope(x) / (_ALIGNED - _SPREAD)
+            if part == 0.0:
                 break
+            clear(spread)
+            if slope != 0.0:
+                used = BodyQuery(
+                    query.body, query.first, query.second, query.frame_a, query.frame_b, query.step,
+                    limit, query.raised, query.lowered, query.offset,
+                )  # fmt: skip
+                _add_spread_gradient(table, used, pairs, slope, region, spread)
             raised, lowered = texture_reach(table, query.second, query.first)
             here = BodyQuery(
                 query.body, query.second, query.first, query.frame_b, query.frame_a, query.step,
                 0.0, raised, lowered, DIRECTIONS,
             )  # fmt: skip
-        elif found == 0.0:
+        elif found == 0.0 and _is_empty(region):
             count.patches = middle
         else:
-            by_first, by_second = _rates(way_out, found)
+            # Without a second length a plane across a normal of A separates the bodies.
+            by_first, by_second = _rates(way_out, found) if found > 0.0 else (0.0, 0.0)
+            shorter = way_out - by_first * way_out - by_second * found
+            by_first, by_second = 1.0 - part * (1.0 - by_first), part * by_second
             total = by_first * way_out + by_second * found
             _scale_weights(space.manifold, first, middle, by_first * total / way_out)
-            _scale_weights(space.manifold, middle, count.patches, by_second * total / found)
-            for k in range(6):
-                rest_out[k] = by_first * rest_out[k] + by_second * rest[k]
-            if by_second == 0.0:
+            if by_second > 0.0:
+                _scale_weights(space.manifold, middle, count.patches, by_second * total / found)
+            else:
                 count.patches = middle
+            for k in range(6):
+                rest_out[k] = by_first * rest_out[k] + by_second * rest[k] - shorter * spread[k]
             way_out = total
     return way_out

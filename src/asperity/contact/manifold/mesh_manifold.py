@@ -186,6 +186,10 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     -------
     float
         The way out [m]; 0 where there is no contact.
+    float
+        The limit on the overlap that was needed [m].
+    int
+        Number of facet pairs.
     """
     first, dropped = space.manifold.count[0].patches, space.manifold.count[0].dropped
     size = half_diagonal(model.facets, query.first) + half_diagonal(model.facets, query.second)
@@ -198,7 +202,7 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     if is_pair:
         deep, limit = find_polyhedron_separations(model.facets, query, usual, space), 4.0 * least
         if deep == 0.0:
-            return 0.0
+            return 0.0, limit, count
         while limit < deep:
             limit *= 2.0
     workspace.search[0].usual = 1.0 / usual if has_map(model.facets, query) else 0.0
@@ -225,7 +229,7 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
         else:
             break
     if way_out == 0.0:
-        return 0.0
+        return 0.0, limit, count
     b, table = query.body, model.facets
     space.stiffness[b], space.friction[b] = contact_properties(
         table, here, count, parameters, space.region
@@ -237,7 +241,7 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
         _add_rest(table, here, count, parameters, way_out, space, rest_out)
     if query.first == query.body:
         _swap_bodies(space.manifold, first, rest_out)
-    return way_out
+    return way_out, here.limit, count
 
 
 @inner_kernel

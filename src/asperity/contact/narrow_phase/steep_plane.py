@@ -1,7 +1,8 @@
 """Planes that are steep to the direction of contact drop out of the search.
 
-A textured one does not drop out at once: from `FLATTEST` on it is lowered along z, further and
-further, until nothing touches it at `STEEPEST`. So the depth is continuous as n turns.
+A textured one, or a facet of two bodies that are not both convex, does not drop out at once: from
+`FLATTEST` on it is lowered along z, further and further, until nothing touches it at `STEEPEST`. So
+the depth is continuous as n turns.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from asperity._core.kernels import small_kernel
 FLATTEST = 0.2
 """Smallest cosine between the direction of contact and a normal that faces it."""
 STEEPEST = 0.15
-"""Cosine at which a textured plane, lowered from `FLATTEST` on, has dropped out."""
+"""Cosine at which a plane, lowered from `FLATTEST` on, has dropped out."""
 
 
 @small_kernel
