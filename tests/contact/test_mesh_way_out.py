@@ -25,6 +25,7 @@ def way_out(space, normals, depths, residuals):
     count = len(depths)
     space.directions[:] = np.zeros((), space.directions.dtype)
     space.directions["patches"][:count] = 1
+    space.directions["presence"][:count] = 1.0
     space.directions["depth"][:count] = depths
     space.directions["normal"][:count] = normals
     space.residuals.value[:count, :count] = residuals

@@ -35,6 +35,8 @@ _ROUNDED = 0.03
 """e: how much the way out exceeds the shorter length at most."""
 _ALIGNED, _SPREAD = 0.98, 0.95
 """Lengths of the mean of B's normals between which the exchange is blended in."""
+_LEAST_VOLUME = 1e-60
+"""Avoids a division by 0 [m^3]."""
 
 
 @inner_kernel
@@ -56,7 +58,7 @@ def _fill_mean_normal(region, mean_out):
             for k in range(3):
                 mean_out[k] += sums.normal[k]
     for k in range(3):
-        mean_out[k] /= volume
+        mean_out[k] /= max(volume, _LEAST_VOLUME)
         square += mean_out[k] * mean_out[k]
     return math.sqrt(square)
 

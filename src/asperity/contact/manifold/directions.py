@@ -284,7 +284,8 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
             return 0  # a plane separates them
         if counts:
             searched += 1
-            least = min(least, direction.depth)
+            if direction.presence == 1.0:
+                least = min(least, direction.depth)
             if direction.depth == 0.0 and _resolves_all(table, query, count, d, space):
                 break
         d = _next_direction(query.raised, space)

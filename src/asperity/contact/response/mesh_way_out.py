@@ -68,6 +68,7 @@ def _smooth_minimum(choices, rows, count):
                 longest = min(longest, choices.ways.length[c])
     if count == 1:
         return least
+    longest = least if longest == np.inf else longest
     low, high, below = least / RATIO, LONGEST * longest, -1.0
     above = _excess(choices, count, high)
     if not above > 0.0:
