@@ -175,24 +175,35 @@ def pressed_together(rng, one, two, depth, near=None):
     return np.append(along * low, q)
 
 
+def push(engine, at, least):
+    """Return way out and force over those of the least translation [m], and the gradient error."""
+    error, size = gradient_error(engine, at)
+    first_pose(engine, at)
+    way_out = math.sqrt(2.0 * engine.energy / STIFFNESS)
+    return way_out / least, size / (STIFFNESS * least), error
+
+
+def compared(pushes):
+    """Return ways out, forces and errors of some pushes; print their ranges."""
+    taken, forces, errors = zip(*pushes, strict=True)
+    print(f"way out {min(taken):.2f} to {max(taken):.2f} of the least, "
+          f"force {min(forces):.2f} to {max(forces):.2f}")  # fmt: skip
+    return taken, forces, errors
+
+
 @pytest.mark.parametrize("at_corners", [False, True])
 @pytest.mark.parametrize("seed", range(3))
 def test_random_polyhedra_are_pushed_by_the_least_that_frees_them(seed, at_corners):
-    rng, taken, forces, errors = np.random.default_rng(seed), [], [], []
+    rng, found = np.random.default_rng(seed), []
     for _ in range(3):
         one, two = random_polyhedra(rng)
         engine = engine_of(thing("tool", hull_mesh(one)), thing("plate", hull_mesh(two)))
         for _ in range(10):
             depth, near = rng.uniform(5e-5, 3e-4), two[rng.integers(len(two))]
             at = pressed_together(rng, one, two, depth, near if at_corners else None)
-            error, size = gradient_error(engine, at)
-            first_pose(engine, at)
+            found.append(push(engine, at, depth))
             assert engine.contacts.count[1] == 0
-            errors.append(error)
-            taken.append(math.sqrt(2.0 * engine.energy / STIFFNESS) / depth)
-            forces.append(size / (STIFFNESS * depth))
-    print(f"way out {min(taken):.2f} to {max(taken):.2f} of the least, "
-          f"force {min(forces):.2f} to {max(forces):.2f}")  # fmt: skip
+    taken, forces, errors = compared(found)
     assert min(taken) > 0.85
     assert max(taken) < 1.06
     assert min(forces) > 0.65
@@ -231,7 +242,7 @@ def convex_mesh(rng):
 @pytest.mark.parametrize("seed", range(4))
 def test_convex_meshes_of_many_faces_are_pushed_by_the_least_that_frees_them(seed):
     """Where a corner of B met a face of A the force was up to 1.7 k times the least."""
-    rng, taken, forces, errors = np.random.default_rng(seed), [], [], []
+    rng, found = np.random.default_rng(seed), []
     for _ in range(6):
         meshes = [convex_mesh(rng), hull_mesh(convex_mesh(rng).vertices)]
         one, two = (np.array(mesh.vertices) for mesh in meshes)
@@ -246,13 +257,8 @@ def test_convex_meshes_of_many_faces_are_pushed_by_the_least_that_frees_them(see
             low, high = (middle, high) if is_deep else (low, middle)
         least = least_translation(turned_one + low * along, two, rng)
         at = np.append(low * along, q)
-        error, size = gradient_error(engine, at)
-        first_pose(engine, at)
-        errors.append(error)
-        taken.append(math.sqrt(2.0 * engine.energy / STIFFNESS) / least)
-        forces.append(size / (STIFFNESS * least))
-    print(f"way out {min(taken):.2f} to {max(taken):.2f} of the least, "
-          f"force {min(forces):.2f} to {max(forces):.2f}")  # fmt: skip
+        found.append(push(engine, at, least))
+    taken, forces, errors = compared(found)
     assert min(taken) > 0.9
     assert max(taken) < 1.06
     assert min(forces) > 0.8

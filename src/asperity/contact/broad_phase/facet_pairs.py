@@ -119,13 +119,19 @@ def relative_transform(body_a, body_b, transform_out):
 
 
 @small_kernel
+def are_convex(table: FacetTable, a, b):
+    """Return whether two bodies are convex."""
+    return table.is_convex[a] and table.is_convex[b]
+
+
+@small_kernel
 def flattest(table: FacetTable, a, b):
     """Return the least cosine to n of smooth facets of two bodies that are searched.
 
     Facets of convex bodies may be steep: the tip of a needle has no others. In a cavity a steep
     facet may be behind the opposite wall.
     """
-    return _FLATTEST if table.is_convex[a] and table.is_convex[b] else STEEPEST
+    return _FLATTEST if are_convex(table, a, b) else STEEPEST
 
 
 @small_kernel

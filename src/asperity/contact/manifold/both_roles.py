@@ -18,7 +18,7 @@ import math
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
-from asperity.contact.manifold.convex_regions import are_convex
+from asperity.contact.broad_phase.facet_pairs import are_convex
 from asperity.contact.manifold.mesh_manifold import (
     BodyQuery,
     add_mesh_manifold,
@@ -43,7 +43,11 @@ _LEAST_VOLUME = 1e-60
 def _may_leave_by_either(table, query):
     """Return whether the way out of two bodies is that by either one's normals."""
     is_plain = not (properties_vary(table, query) or has_map(table, query))
-    return are_convex(table, query) and is_plain and not is_polyhedron_pair(table, query)
+    return (
+        are_convex(table, query.first, query.second)
+        and is_plain
+        and not is_polyhedron_pair(table, query)
+    )
 
 
 @inner_kernel
@@ -82,12 +86,10 @@ def _add_spread_gradient(table, query, count, rate, region, rest_io):
             continue
         piece = clip_piece(table, query, f, g, region)
         if piece[1] >= 3:
-            z, along, share = table.axes[g, 2], 0.0, 0.0
+            z, along = table.axes[g, 2], 0.0
             for k in range(3):
                 along += z[k] * mean[k] / length
-            for d in range(DIRECTIONS):
-                share += table.shares[g, d]
-            q[0] = sign * rate * share * (along - length) / volume
+            q[0] = sign * rate * (along - length) / volume
             add_piece_gradient(table, (f, g), piece, query.raised, q, centre, region, gradient)
     add_to_world(query.frame_b, gradient, rest_io)
 

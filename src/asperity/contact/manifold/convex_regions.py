@@ -20,12 +20,6 @@ _LEAST_HEIGHT = 1e-15
 
 
 @inner_kernel
-def are_convex(table, query):
-    """Return whether both bodies of a `BodyQuery` are convex."""
-    return table.is_convex[query.first] and table.is_convex[query.second]
-
-
-@inner_kernel
 def _fill_parts(region, directions, reach, part_out):
     """Fill each direction's part of the region (6,); return the sum of all Q [m]."""
     total = 0.0

@@ -17,7 +17,8 @@ from asperity._core.kernels import inner_kernel
 from asperity._core.records import clear_record
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
-from asperity.contact.manifold.convex_regions import are_convex, fill_presences
+from asperity.contact.broad_phase.facet_pairs import are_convex
+from asperity.contact.manifold.convex_regions import fill_presences
 from asperity.contact.manifold.mean_normal import fill_mean_normal
 from asperity.contact.manifold.properties import least_scale
 from asperity.contact.manifold.records import MAX_DIRECTIONS, MAX_PARTS, MAX_PATCHES
@@ -252,7 +253,7 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
     """
     table, found = model.facets, space.residuals
     soft = least_scale(table, query, parameters.stiffness)
-    are_solid = are_convex(table, query)
+    are_solid = are_convex(table, query.first, query.second)
     for d in range(MAX_DIRECTIONS):
         clear_record(space.directions[d])
         space.directions[d].presence = 1.0

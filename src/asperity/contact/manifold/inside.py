@@ -133,9 +133,11 @@ def _thickness(table: FacetTable, body, start, along, length, stack):
 
 def with_thickness(table: FacetTable) -> FacetTable:
     """Return a facet table in which the thickness of the bodies behind their facets is filled."""
+    if table.is_convex.all():
+        return table
+    region = overlap_region(len(table.body))
     for body in np.flatnonzero(~table.is_convex):
         count = int((table.body == body).sum())
-        region = overlap_region(len(table.body))
         pairs = np.zeros((_PAIRS_PER_FACET * count + MAX_FACET_PAIRS, 2), np.int64)
         traversal = BvhTraversal(region.facets.stack, 1, pairs, 0)
         if not _fill_thickness(table, int(body), traversal, region):

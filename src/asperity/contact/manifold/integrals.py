@@ -23,6 +23,7 @@ from asperity.contact.manifold.overlap_region import (
     corner_slope,
     deepest_corner,
 )
+from asperity.contact.manifold.properties import pair_volume
 from asperity.contact.narrow_phase.steep_plane import FLATTEST
 from asperity.contact.response.ways_out import RATIO
 
@@ -61,10 +62,8 @@ def _drop_steep(table, query, count, region):
     """
     kept = 0
     for i in range(count):
-        f, g, volume = region.facets.pairs[i, 0], region.facets.pairs[i, 1], 0.0
-        for d in range(DIRECTIONS):
-            volume += region.volumes[i, d]
-        if volume == 0.0 and facing_cosine(table, f, g, region.facets) < FLATTEST:
+        f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
+        if pair_volume(region, i) == 0.0 and facing_cosine(table, f, g, region.facets) < FLATTEST:
             most = 0.0
             for d in range(DIRECTIONS):
                 if table.shares[g, d] > 0.0:

@@ -28,6 +28,7 @@ from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.broad_phase.facet_pairs import (
+    are_convex,
     half_diagonal,
     least_cosine,
     overlapping_facet_pairs,
@@ -35,7 +36,7 @@ from asperity.contact.broad_phase.facet_pairs import (
     relative_transform,
 )
 from asperity.contact.broad_phase.neighbour_list import RelativePose, neighbour_pairs
-from asperity.contact.manifold.convex_regions import add_presence_rates, are_convex
+from asperity.contact.manifold.convex_regions import add_presence_rates
 from asperity.contact.manifold.directions import search_directions
 from asperity.contact.manifold.inside import WALL
 from asperity.contact.manifold.integrals import integrate_regions
@@ -328,7 +329,7 @@ def _has_rest(space):
             continue
         if direction.presence_rate != 0.0:
             return True
-        if direction.volume_rate != 0.0 or not is_flat(space.region.sums[d]):
+        if direction.volume_rate != 0.0 or not _is_flat(space.region.sums[d]):
             return True
         for c in range(DIRECTIONS):
             if space.residuals.rate[d, c] != 0.0:
@@ -337,7 +338,7 @@ def _has_rest(space):
 
 
 @inner_kernel
-def is_flat(sums):
+def _is_flat(sums):
     """Return whether all facet normals of a direction are equal."""
     n = sums.normal
     square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
@@ -357,9 +358,9 @@ def _add_rest(table, query, count, parameters, way_out, space, rest_io):
     for i in range(count):
         rates[i] = 0.0
     for d in range(DIRECTIONS):
-        if space.directions[d].patches > 0 and not is_flat(region.sums[d]):
+        if space.directions[d].patches > 0 and not _is_flat(region.sums[d]):
             add_normal_rates(table, count, d, region, space.directions[d].turn, rates)
-    if are_convex(table, query):
+    if are_convex(table, query.first, query.second):
         add_presence_rates(table, query, count, centre, space, gradient)
     if properties_vary(table, query) and not has_map(table, query):
         stiffness = space.stiffness[query.body]

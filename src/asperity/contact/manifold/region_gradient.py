@@ -33,12 +33,10 @@ def fill_polynomial(table, g, i, directions, region, q_out):
     for k in range(6):
         q_out[k] = 0.0
     q_out[0] = region.rates[i]
-    shares, is_whole = 0.0, False
     for d in range(DIRECTIONS):
-        shares += table.shares[g, d]
-        is_whole = is_whole or directions[d].own_volume > 0.0
-    for d in range(DIRECTIONS):
-        share, found = shares if is_whole else table.shares[g, d], directions[d]
+        found = directions[d]
+        # Directions of two convex bodies have the moments of the whole region.
+        share = 1.0 if found.own_volume > 0.0 else table.shares[g, d]
         if share != 0.0 and found.patches != 0:
             add_moment_rates(table, g, share, found, q_out)
 

@@ -25,6 +25,7 @@ from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
+from asperity.contact.broad_phase.facet_pairs import are_convex
 from asperity.contact.manifold.overlap_region import (
     BEHIND,
     WITHIN,
@@ -163,7 +164,7 @@ def fill_residuals(table, query, count, c, space):
     `count` is the number of facet pairs, `query` the `BodyQuery`.
     """
     region, found = space.region, space.residuals
-    if table.is_convex[query.first] and table.is_convex[query.second]:
+    if are_convex(table, query.first, query.second):
         for d in range(DIRECTIONS):
             found.value[d, c] = 0.0  # each direction separates the bodies completely
         return

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.broad_phase.facet_pairs import flattest
+from asperity.contact.broad_phase.facet_pairs import are_convex, flattest
 from asperity.contact.narrow_phase.facet_patch import fill_facet_patch
 from asperity.contact.narrow_phase.geom_depth import fill_geom_patches
 from asperity.contact.narrow_phase.incumbent import TIE
@@ -311,7 +311,7 @@ def collect_candidates(model, query, criteria, memory, space):
     if criteria.listed > 0:
         first = space.listed[0]
         f, g = space.region.facets.pairs[first, 0], space.region.facets.pairs[first, 1]
-        fades = flattest(table, table.body[f], table.body[g]) == STEEPEST
+        fades = not are_convex(table, table.body[f], table.body[g])
     view_a = _View(np.int64(0), down, query.frame_a, rotation_a, translation_a, fades)
     view_b = _View(np.int64(1), frame, query.frame_b, rotation_b, translation_b, fades)
     made_a, made_b, count = criteria.made_a, criteria.made_b, np.int64(0)
