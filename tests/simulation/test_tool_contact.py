@@ -154,6 +154,20 @@ def test_sub_poses_keep_to_the_time_there_is(friction, seconds):
     assert watch.left[-1] == np.inf
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.11])
+def test_a_tool_placed_elsewhere_is_evaluated_once(turn):
+    """First poses, and poses that no hand reaches in a tick: nothing to average over."""
+    stage, watch, pose = watched(0.0, 1e-4)
+    if turn == 0.0:
+        stage.reset()
+    before = watch.evaluations
+    contact = stage.evaluate(rotated(pose, [0.0, 0.0, turn]))
+    assert watch.evaluations == before + 1
+    assert contact.count == 1
+    assert contact.wrench[2] > 0.0
+    assert not contact.flags
+
+
 def test_one_that_takes_long_leaves_the_others_out_and_the_pose_itself_is_looked_at():
     """There is time for six. The first takes as long as five of them."""
     stage, watch, pose = watched(0.4, 1e-3)

@@ -57,7 +57,7 @@ FLAGS = {
 """Bits of a tick's flags and their meanings, which recordings contain as `flag_meanings`."""
 
 
-_FASTEST, _FASTEST_TURN = 10.0, 500.0
+_FASTEST, _FASTEST_TURN = 10.0, 100.0
 """Speeds above which a tool has been placed elsewhere [m/s], [rad/s] (project default)."""
 _MODULES = {
     "tick": "contact.geom_tick", "mesh_tick": "contact.mesh_tick", "press": "contact.soft.press",
@@ -191,7 +191,7 @@ class ToolContact:
         jumped : bool
             Whether ticks were skipped since the last pose. Then there is no motion of one tick to
             average over, and the wrench is that at the pose. The same holds if the tool has moved
-            faster than 10 m/s or 500 rad/s.
+            faster than 10 m/s or 100 rad/s.
         seconds : float
             Time limit for sub-poses [s]; the pose itself is evaluated in any case.
         search_seconds : float
@@ -210,7 +210,10 @@ class ToolContact:
             arm = centre_of_mass(pose, self.engine.centre) - pose[:3]
             twist[:3] += cross(twist[3:], arm)
             self._motion = SlipMotion(twist, self.dt)
-        wrench = self._wrench_at_jump(pose) if jumped else self._wrench(last, pose, begun + seconds)
+        if jumped or self._last is None:
+            wrench = self._wrench_at_jump(pose)
+        else:
+            wrench = self._wrench(last, pose, begun + seconds)
         self._last = pose
         self._flag_contacts()
         stiffness, damping, damped = self.engine.derivatives(self._motion)
@@ -281,8 +284,6 @@ class ToolContact:
             if waves > 0.5:
                 self._flags |= TOO_FAST
             return self._query(pose, self.dt)
-        if self._last is None:
-            self._last_wrench = self._query(pose, self.dt)
         # Up to half a wave a tick is not too fast for the tick itself.
         wanted = 1 if waves <= 0.5 else math.ceil(min(PER_WAVE * waves, BUDGET + 1))
         if wanted == 1 and self._is_coupled:
