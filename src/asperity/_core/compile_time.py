@@ -7,7 +7,10 @@ of those called from Python runs. Here
 - an `InnerLibrary` holds a kernel that only other kernels call: code to be linked into those, after
   the passes that simplify single functions;
 - a `KernelLibrary` holds a kernel called from Python, with all functions linked into it as its own;
-- a call of the same function with the same types is resolved once a kernel;
+- kernels of many functions are optimised at LLVM's first level, which takes half the time of its
+  third; their ticks are as fast;
+- a call of the same function with the same types is resolved once a kernel, and a constant among
+  its arguments has the type of a variable: one copy of a kernel serves all;
 - no garbage is collected while kernels are compiled.
 
 Nothing in Numba is replaced: these are compilers and passes as its manual describes them under
@@ -32,11 +35,17 @@ from numba.core.compiler import Compiler, CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.errors import TypingError
 from numba.core.typed_passes import NopythonTypeInference
+from numba.core.types.misc import unliteral
 
 from asperity._core.shared_compilation import claimed, left_to_others, stop_if_left
 
 TESTED = ("0.68",)
 """Versions of Numba, major and minor, that the libraries were tested with."""
+
+
+_FIRST_LEVEL: dict[str, Any] = {"opt": 1, "loop_vectorize": False, "slp_vectorize": False}
+_MANY = 100
+"""Functions of a kernel from which on it is optimised at the first level."""
 
 
 class InnerLibrary(JITCodeLibrary):
@@ -58,7 +67,7 @@ class InnerLibrary(JITCodeLibrary):
     def _optimize_functions(self, module: Any) -> None:
         """Simplify functions as Numba does, but not those that are only declared."""
         module.data_layout = self._codegen._data_layout
-        manager, builder = self._codegen._function_pass_manager()
+        manager, builder = self._codegen._function_pass_manager(**_FIRST_LEVEL)
         for function in module.functions:
             if not function.is_declaration:
                 manager.run(function, builder)
@@ -87,10 +96,18 @@ class KernelLibrary(JITCodeLibrary):
     """
 
     def _optimize_final_module(self) -> None:
+        count = 0
         for function in self._final_module.functions:
-            if not function.is_declaration and function.linkage == binding.Linkage.linkonce_odr:
+            if function.is_declaration:
+                continue
+            count += 1
+            if function.linkage == binding.Linkage.linkonce_odr:
                 function.linkage = binding.Linkage.internal
-        super()._optimize_final_module()
+        if count < _MANY:
+            super()._optimize_final_module()
+            return
+        manager, builder = self._codegen._module_pass_manager(**_FIRST_LEVEL)
+        manager.run(self._final_module, builder)
 
 
 _WAIT = 0.01
@@ -126,6 +143,8 @@ class _TypingContext:
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
         """Return the signature of a call, or None."""
+        if _is_kernel(getattr(func, "dispatcher", None)):
+            args = tuple(unliteral(given) for given in args)
         key = (func, args, tuple(kws.items()))
         found = self._calls.get(key)
         if found is None:
