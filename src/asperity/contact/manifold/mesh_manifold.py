@@ -67,6 +67,8 @@ from asperity.geometry.frames import add_to_world, fill_origin, to_body
 
 _LIMIT_FRACTION = 0.25
 """Least limit on the overlap of facets, over the least half side of the thinner body."""
+_THINNEST = 0.02
+"""Half side that a thinner body counts with, over the smaller body's width: a sheet has none."""
 _LEAST_REACH = 3e-5
 """Distance over the smaller body's width at which smooth surfaces belong to the overlap region."""
 _OBLIQUE = math.sqrt(3.0)
@@ -265,6 +267,7 @@ def _least_limit(model, query):
     for k in range(3):
         least = min(least, table.reach[table.root[query.first], k])
         least = min(least, table.reach[table.root[query.second], k])
+    least = max(least, _THINNEST * min(table.width[query.first], table.width[query.second]))
     return _LIMIT_FRACTION * least + query.lowered
 
 
