@@ -8,6 +8,7 @@ a row cut short anywhere is left to readers that know what to make of it.
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +22,16 @@ _TAIL = 4096
 _NEWLINE, _RETURN = 10, 13
 
 
-def head_of(path: Path) -> bytes | None:
-    """Return the beginning of a large file, None of a smaller one."""
+def head_of(path: Path, lines: int) -> bytes | None:
+    """Return the beginning of a large file, with more than `lines` lines or `HEAD` bytes.
+
+    None of a smaller file.
+    """
     if path.stat().st_size < HEAD:
         return None
     with path.open("rb") as file:
-        return file.read(HEAD)
+        head = file.read(_PIECE)
+        return head if head.count(b"\n") > lines else head + file.read(HEAD - _PIECE)
 
 
 def ends_plainly(lines: bytes) -> bool:
@@ -66,8 +71,9 @@ def plain_lines(path: Path, start: int) -> tuple[int, str] | None:
 
 
 def plain_numbers(
-    path: Path, above: int, separator: str | None, columns: int, encoding: str = "ascii"
-) -> Array | None:
+    path: Path, above: int, separator: str | None, columns: int, encoding: str = "ascii",
+    rows: int | None = None,
+) -> Array | None:  # fmt: skip
     """Return the numbers of a text file, (rows, columns); None if it holds anything else.
 
     Parameters
@@ -80,12 +86,16 @@ def plain_numbers(
     columns : int
     encoding : str
         Latin-1 where only the lines above the numbers may be other than ASCII.
+    rows : int, optional
+        How many there are, which saves memory that grows; a blank line among them is refused.
     """
     try:
-        found = np.loadtxt(
-            os.fspath(path), delimiter=separator, comments=None, skiprows=above, ndmin=2,
-            encoding=encoding,
-        )  # fmt: skip
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # of blank lines
+            found = np.loadtxt(
+                os.fspath(path), delimiter=separator, comments=None, skiprows=above, ndmin=2,
+                encoding=encoding, max_rows=rows,
+            )  # fmt: skip
     except Exception:  # whatever it stumbles over, other readers say what is wrong
         return None
     return found if found.shape[1] == columns else None

@@ -18,6 +18,7 @@ from asperity._core.arrays import Array
 from asperity._core.large_tables import numbers_of
 from asperity._core.plain_tables import ends_plainly, head_of, plain_lines, plain_numbers
 from asperity._core.text_form import (
+    LOOKED_AT,
     MISSING,
     OPENING,
     TWO_WORDS,
@@ -244,7 +245,7 @@ def read_text_table(
 
 def _plain_table(path: Path, texts: bool) -> TextTable | None:
     """Return the table of a large file of plain numbers, judged by its head; None for others."""
-    head = head_of(path)
+    head = head_of(path, 2 * LOOKED_AT)
     text = None if head is None or b"\n" not in head else decoded(head)
     if head is None or text is None or without_groups(text) != text:
         return None
@@ -254,12 +255,15 @@ def _plain_table(path: Path, texts: bool) -> TextTable | None:
         return None
     above = table.first_line - 1
     start = len(head) - len(head.split(b"\n", above)[-1])
-    if len(table.body) < OPENING or table.decimal != "." or not ends_plainly(head[:start]):
+    if len(table.body) < OPENING and table.body.count("\n") < LOOKED_AT:
+        return None
+    if table.decimal != "." or not ends_plainly(head[:start]):
         return None
     lines = plain_lines(path, start)
     if lines is None or is_footer(lines[1]):
         return None
-    numbers = plain_numbers(path, above, table.separator, table.columns, "latin-1")
+    form = table.separator, table.columns, "latin-1"
+    numbers = plain_numbers(path, above, *form, rows=lines[0])
     if numbers is None or len(numbers) != lines[0]:  # else there are blank lines
         return None
     return replace(table, numbers=numbers)

@@ -122,17 +122,17 @@ def read_points(path: Path) -> Points:
             found = _text(path)
     places, notes = found.places, found.notes
     good = np.ones(len(places), dtype=bool)
-    if not np.isfinite(places).all():  # which row by row takes longer
+    least = float(places.min(initial=0.0))
+    if not np.isfinite(least + float(places.max(initial=0.0))):  # row by row takes longer
         good &= np.isfinite(places).all(axis=1)
         notes = (*notes, f"{np.count_nonzero(~good)} points without a place are left out")
     at_origin = np.asarray(places[:, 0] == 0.0)
-    if at_origin.any():
-        at_origin &= (places[:, 1:] == 0.0).all(axis=1)
+    at_origin = at_origin & (places[:, 1:] == 0.0).all(axis=1) if at_origin.any() else at_origin
     count = np.count_nonzero(at_origin)
     if count > 1:
         notes += (f"{count} points at 0, 0, 0 are left out: scanners write what is not seen so",)
         good &= ~at_origin
-    for axis in range(3):
+    for axis in range(0 if least > max(_MISSING) else 3):
         lowest = float(np.fmin.reduce(places[:, axis], initial=0.0))
         if lowest not in _MISSING:
             continue
@@ -350,10 +350,10 @@ def _plain_points(path: Path) -> tuple[list[str], _Form | None, Array | None]:
 
     The last is None for other texts. A few lines show the form if all others are read by it.
     """
-    first = (head_of(path) or b"").split(b"\n", 4 * _SAMPLE)[:-1]
-    if len(first) < 4 * _SAMPLE:
+    first = (head_of(path, 2 * _SAMPLE) or b"").split(b"\n", 2 * _SAMPLE)[:-1]
+    if len(first) < 2 * _SAMPLE:
         return [], None, None
-    lines = _plain(b"\n".join(first)).split("\n")[: 4 * _SAMPLE]
+    lines = _plain(b"\n".join(first)).split("\n")
     form = _form(lines[:_FIRST])
     if form is None or form.first > _FIRST // 4 or form.texts or form.decimal != ".":
         return lines, form, None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Sequence
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from asperity._core.arrays import Array, row_lengths
+from asperity._core.arrays import Array
 from asperity._core.text_table import TextTable, read_text_table
 from asperity._core.units import ANGLES, LENGTHS, TIMES
 from asperity._core.unpacking import suffix_of
@@ -19,7 +20,7 @@ from asperity.errors import AsperityError, require_choice, require_positive
 from asperity.scene.clock_times import exact_times, in_seconds
 from asperity.scene.pose_arrays import array_columns
 from asperity.scene.pose_columns import COLUMNS, MATRICES, ORDERS, Layout, layout_in_order
-from asperity.scene.pose_doubts import pose_doubts
+from asperity.scene.pose_doubts import ROUNDED, note_rounded, pose_doubts, unit_poses
 from asperity.scene.pose_flags import lost_poses
 from asperity.scene.pose_json import JSON_FILES, json_table
 from asperity.scene.pose_names import (
@@ -31,10 +32,7 @@ from asperity.scene.pose_names import (
 from asperity.scene.pose_turns import CONVENTIONS, are_blocks, in_quaternions, matrix_layout
 from asperity.scene.trajectory import Trajectory
 
-ROUNDED = 0.02
-"""Largest deviation of a quaternion's norm from 1 that is taken for rounding."""
 UNITS, TIME_UNITS = ("m", "cm", "mm", "um", "nm", "in"), ("s", "ms", "us", "ns")
-_EXACT = 1e-6
 _EPOCH = 1e8
 """Times beyond it are since an epoch, in s, ms, us or ns by their size."""
 _BY_SIZE = (
@@ -154,10 +152,13 @@ def read_poses(
     if length != 1.0:
         poses[:, :3] *= length
     seconds = _seconds(table, times, notes)
-    _normalise(poses, notes)
+    unit_quaternions, found = unit_poses(seconds, poses)
+    note_rounded(poses, unit_quaternions, found, notes)
+    checked = found.off < ROUNDED and math.isfinite(found.far)
+    poses = unit_quaternions if checked else poses
     known = table.named or table.layout.turn != "quaternion"
-    notes += pose_doubts(seconds, poses, known)
-    return Trajectory(seconds, poses, path.name, table.origins, tuple(notes))
+    notes += pose_doubts(seconds, poses, known, found)
+    return Trajectory(seconds, poses, path.name, table.origins, tuple(notes), checked)
 
 
 def _unit(
@@ -187,22 +188,6 @@ def _seconds(table: _Table, given: float | None, notes: list[str]) -> Array:
         notes.append("times are since an epoch; the first is 0")
         times = times - times[0]
     return times * scale
-
-
-def _normalise(poses: Array, notes: list[str]) -> None:
-    """Normalise quaternions whose norm rounding has changed, in place; others are left."""
-    norms = row_lengths(poses[:, 3:])
-    with np.errstate(invalid="ignore"):
-        off = np.abs(norms - 1.0)
-        if off.max(initial=0.0) <= _EXACT:
-            return
-        rounded = (off > _EXACT) & (off < ROUNDED)
-    if rounded.any():
-        poses[rounded, 3:] /= norms[rounded, None]
-        notes.append(
-            f"{np.count_nonzero(rounded)} of {len(poses)} quaternions are rounded, their norm off "
-            f"1 by up to {off[rounded].max():.2g}: normalised"
-        )
 
 
 def _no_names(path: Path, order: str | None, values: Array) -> tuple[Layout, tuple[str, ...]]:

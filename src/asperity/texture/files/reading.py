@@ -137,7 +137,9 @@ def read_heights(
         A file that is missing, empty, damaged, of unknown kind, larger than 2**27 samples, or
         without a scale; one line that names the file and what is valid.
     """
-    path = Path(os.path.expanduser(path))
+    path = Path(path)
+    if path.parts[:1] and path.parts[0].startswith("~"):
+        path = Path(os.path.expanduser(path))
     require_choice("missing", missing, ("refuse", "fill"))
     require_choice("quantised", quantised, ("smooth", "keep"))
     if colour is not None:
@@ -213,11 +215,12 @@ def _scaled(
 def _lengths(path: Path, name: str, value: Any) -> tuple[float, float]:
     """Return a length, or a pair of them, as a pair, or refuse it."""
     try:
-        pair = [float(v) for v in (value if np.ndim(value) else (value, value))]
+        alone = isinstance(value, float) or np.ndim(value) == 0
+        pair = [float(v) for v in ((value, value) if alone else value)]
         good = len(pair) == 2 and all(math.isfinite(v) and v > 0.0 for v in pair)
     except (TypeError, ValueError):
         good = False
-    if not good or (name == "height_range" and np.ndim(value)):
+    if not good or (name == "height_range" and not alone):
         refuse(path, f"{name} must be a finite number above 0 [m], got {value!r}")
     return pair[0], pair[1]
 
@@ -302,10 +305,10 @@ def _shaped(path: Path, stored: NDArray[Any]) -> tuple[Array, float, float]:
     source = np.squeeze(stored)
     if source.size < 2:
         refuse(path, f"heights need 2 samples or more along each axis, got {stored.shape}")
-    values = np.asarray(source, dtype=np.float64, order="C")
     # Extremes are those of the fewer bytes of another type, gone through as they lie.
     stored = source[::-1] if source.strides[0] < 0 else source
-    return values, float(stored.min()), float(stored.max())
+    low, high = float(stored.min()), float(stored.max())
+    return np.asarray(source, dtype=np.float64, order="C"), low, high
 
 
 def _pixel_size(
