@@ -17,6 +17,7 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity._core.large_tables import numbers_of
 from asperity._core.plain_tables import ends_plainly, head_of, plain_lines, plain_numbers
+from asperity._core.spreadsheets import SHEETS, text_of_sheet
 from asperity._core.text_form import (
     LOOKED_AT,
     MISSING,
@@ -231,6 +232,8 @@ def read_text_table(
     AsperityError
         No text, or no row of numbers.
     """
+    if path.suffix.lower() in SHEETS:
+        return _table(path, text_of_sheet(path, error), texts, error)
     plain = _plain_table(path, texts)
     if plain is not None:
         return replace(plain, error=error)

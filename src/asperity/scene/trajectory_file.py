@@ -6,7 +6,7 @@ import math
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,12 +24,16 @@ from asperity.scene.pose_doubts import ROUNDED, note_rounded, pose_doubts, unit_
 from asperity.scene.pose_flags import lost_poses
 from asperity.scene.pose_json import JSON_FILES, json_table
 from asperity.scene.pose_names import (
+    ROS2,
+    are_ros2,
     frame_rate,
     named_columns,
     named_layout,
+    of_the_world,
     require_one_body,
 )
 from asperity.scene.pose_turns import CONVENTIONS, are_blocks, in_quaternions, matrix_layout
+from asperity.scene.pose_yaml import is_messages, yaml_table
 from asperity.scene.trajectory import Trajectory
 
 UNITS, TIME_UNITS = ("m", "cm", "mm", "um", "nm", "in"), ("s", "ms", "us", "ns")
@@ -276,18 +280,24 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
     said: tuple[str, ...] = ()
     if suffix_of(path, JSON_FILES) in JSON_FILES:
         read, said = json_table(path)
+    elif path.suffix.lower() not in (".csv", ".tum", ".gz") and is_messages(path):
+        read, said = yaml_table(path)
     else:
         read = read_text_table(path, texts=True)
     text, note = in_seconds(read)
     rows = text.rows_at()
     names = text.names
-    notes: tuple[str, ...] = ()
+    notes = of_the_world(path, text.header, names or ())
     shown = ""
+    if names is None and order is None and are_ros2(text):
+        names, notes = ROS2, (f"no names of columns: taken as {', '.join(ROS2)}, as of ROS 2",)
+        text = replace(text, header=("\t".join(ROS2),))
     if names is None:
         values = text.values()
         if order in (None, "matrix") and are_blocks(values):
             values, rows = values.reshape(-1, 16), rows[::4]
-        layout, notes = _no_names(path, order, values)
+        layout, said_of = _no_names(path, order, values)
+        notes = (*notes, *said_of)
     else:
         layout = _named(path, text, names, order, rate)
         if layout.left_out and order is None:
@@ -296,9 +306,12 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
         shown = f" among {fullest[:70]}"
         if order is not None:
             known = ", ".join(names)[:90]
-            notes = (f"columns in the order {order}, as given; their names: {known}",)
+            notes = (
+                *notes,
+                f"columns in the order {order}, as given; their names: {known}",
+            )
         elif layout.left_out:
-            notes = (f"columns left out: {', '.join(layout.left_out)[:120]}",)
+            notes = (*notes, f"columns left out: {', '.join(layout.left_out)[:120]}")
         values = text.values([at for at in layout.places if at >= 0])
     notes = (*said, *notes, note) if note else (*said, *notes)
     layout = _units_above(text, layout)

@@ -13,6 +13,9 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+import numpy as np
+
+from asperity._core.arrays import Array
 from asperity._core.text_form import is_heading, is_number
 from asperity._core.units import LENGTHS, length_of, named_unit
 
@@ -69,6 +72,18 @@ _ELSEWHERE = re.compile(
     r"|thickness|noise|objective|\b[sprw][apqvzt]\b"
 )
 """Words of labels of lengths that are no size of the map."""
+_FACTOR = re.compile(
+    r"(?:(?:z|heights?|data|values?|vertical|höhen?|hauteur)?[ _-]*(?:scal(?:e|ing)|conversion|"
+    r"multiplication|skalierungs?|umrechnungs?)?[ _-]*(?:factor|faktor|multiplier))|facteur.*|lsb"
+)
+_FACTOR_PERHAPS = re.compile(
+    r"(?:z|heights?|data|values?|vertical)[ _-]*(?:scal(?:e|ing)|resolution|calibration|conversion"
+    r"|lsb)|scale|scaling"
+)
+"""Labels of a factor of the heights, and of what may be one."""
+_COUNT = re.compile(r"lsb|counts?|bits?|digits?|levels?|adu|dn|inc(?:rement)?s?|units?")
+"""What a factor is per."""
+_PER_COUNT = re.compile(r"[\[(]\s*([^\W\d]+)\s*/\s*([^\W\d]+)\s*[\])]")
 _WHOLE = frozenset(
     ("size", "image size", "map size", "scan area", "area", "dimensions", "field of view", "fov")
 )
@@ -121,6 +136,36 @@ class Header(NamedTuple):
     """Rows and columns."""
     follows: bool = False
     """Whether the pixel is in the unit of the heights, which is not said."""
+    factor: Factor | None = None
+
+    def of(self, values: Array) -> Header:
+        """Return the header with its factor in the unit of these heights, or doubted."""
+        if self.factor is None:
+            return self
+        label, number, metres, word, sure = self.factor
+        whole = bool((values == np.round(values))[np.isfinite(values)].all())
+        if not (whole or sure):
+            return self
+        if not (whole and sure):
+            kind = "whole numbers" if whole else "no whole numbers"
+            doubt = f"is {label!r}, {number:g}, a factor of the heights? They are {kind}, and read"
+            note = f"{doubt} without it: unit= or height_range= gives another scale"
+            return self._replace(notes=(*self.notes, note))
+        unit, scale = (word, metres) if metres else (self.unit or "m", self.scale or 1.0)
+        return self._replace(unit=f"{number:g} {unit}", scale=number * scale)
+
+
+class Factor(NamedTuple):
+    """A factor of the heights that a header states."""
+
+    label: str
+    number: float
+    metres: float | None
+    """In its unit; None without one."""
+    word: str
+    """Its unit as written."""
+    sure: bool
+    """Whether it can be nothing else."""
 
 
 def read_header(
@@ -136,7 +181,7 @@ def read_header(
     shape : (rows, columns)
         Of the numbers.
     """
-    found, lengths, units = _findings(lines)
+    found, lengths, units, factor = _findings(lines)
     notes: list[str] = []
     width, height = found.get("width"), found.get("height")
     if (width is None) != (height is None) and "pixel" not in found and len(lengths) == 2:
@@ -171,14 +216,17 @@ def read_header(
         width, height, None if pair[0] is None else pair, unit, scale, found.get("nodata"),  # type: ignore[arg-type]
         {"width", "height"} <= {*found} or len(lengths) == 2 or "grid" in found, tuple(notes),
         (int(found["rows"]), int(found["columns"])) if {"rows", "columns"} <= {*found} else None,
-        "follows" in found and scale is None,
+        "follows" in found and scale is None, factor,
     )  # fmt: skip
 
 
 def _findings(
     lines: Sequence[str],
-) -> tuple[dict[str, float], list[tuple[str, float]], tuple[str, float | None] | None]:
-    """Return values by meaning [m], lengths by label, and the unit of the values."""
+) -> tuple[
+    dict[str, float], list[tuple[str, float]], tuple[str, float | None] | None, Factor | None
+]:
+    """Return values by meaning [m], lengths by label, the unit of the values, and their factor."""
+    factor = None
     found: dict[str, float] = {}
     lengths: list[tuple[str, float]] = []
     bare_sizes: dict[str, float] = {}
@@ -200,9 +248,17 @@ def _findings(
             continue
         number = float(value.group(1).replace(",", "."))
         word, _, each = (value.group(2) or "").strip("[]() ").partition("/")
+        if per := _PER_COUNT.search(label):
+            word, each = per.groups()
+        metres = length_of(word) if word else (named[1] if named else None)
+        sure = _FACTOR.fullmatch(plain) is not None
+        if meaning is None and (sure or _FACTOR_PERHAPS.fullmatch(plain)):
+            sure = sure or _COUNT.fullmatch(each.strip().casefold()) is not None
+            word = word or (named[0] if named else "")
+            factor = Factor(label, number, metres, word, sure) if number not in (0, 1) else None
+            continue
         if each and not _SAMPLE.match(each.strip()):
             continue  # a speed
-        metres = length_of(word) if word else (named[1] if named else None)
         if meaning == "unit" and metres is not None:
             units = (text, number * metres)
             continue
@@ -230,7 +286,7 @@ def _findings(
                 found.setdefault(meaning, number * metres)
         elif meaning in ("width", "height"):
             bare_sizes[meaning] = number
-    return found, lengths, units
+    return found, lengths, units, factor
 
 
 def _two_lengths(label: str, text: str) -> tuple[float, float] | None:
@@ -266,7 +322,9 @@ def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def _heading(lines: Sequence[str], names: Sequence[str] | None) -> tuple[str | None, float | None]:
     """Return the unit in the heading of a matrix: in the last line, or one for all columns."""
-    named = named_unit(lines[-1], LENGTHS)
+    pair = _PAIR.fullmatch(lines[-1])
+    is_length = pair is not None and _VALUE.fullmatch(pair.group(2)) is not None
+    named = None if is_length else named_unit(lines[-1], LENGTHS)
     if named is None and names:
         units = {named_unit(name, LENGTHS) for name in names}
         named = units.pop() if len(units) == 1 else None
