@@ -238,3 +238,26 @@ def test_poses_of_colmap_are_doubted_or_refused(tmp_path: Path) -> None:
     own = "\n".join(f"{row.replace(',', ' ')} a.jpg\n10.5 20.5 -1 3.5 4.5 17" for row in rows)
     with pytest.raises(AsperityError, match="COLMAP's images, which are poses of the world"):
         read(tmp_path / "images.txt", head + own, rate_hz=30)
+
+
+@pytest.mark.parametrize("start", [1.23e11, 9.87e12, 2e12, 5e15])
+@pytest.mark.parametrize("step", [1e7, 1e6])
+def test_times_since_a_start_show_their_unit_by_their_steps(tmp_path: Path, start, step) -> None:
+    """Nanoseconds of a clock that counts from no epoch, as OpenXR's."""
+    times = start + step * np.arange(N)
+    found = read(tmp_path / "a.csv", HEAD + "\n".join(lines(times, P, Q)))
+    np.testing.assert_allclose(found.times, 1e-9 * step * np.arange(N), atol=1e-9)
+    seconds = read(tmp_path / "b.csv", HEAD + "\n".join(lines(1.7e9 + np.arange(N), P, Q)))
+    np.testing.assert_allclose(seconds.times, np.arange(N), atol=1e-6)
+
+
+def test_biases_beside_a_pose_are_no_places(tmp_path: Path) -> None:
+    names = "timestamp, p_WS_W_x, p_WS_W_y, p_WS_W_z, q_WS_w, q_WS_x, q_WS_y, q_WS_z, "
+    biases = "b_g_x, b_g_y, b_g_z, b_a_x, b_a_y, b_a_z"
+    check(read(tmp_path / "a.csv", f"{names}{biases}\n" + "\n".join(lines(T, P, Q, P, P))))
+
+
+@pytest.mark.parametrize(("name", "said"), [("a.bvh", "joints of a skeleton"), ("a.bag", "of ROS")])
+def test_kinds_that_hold_other_things_are_named(tmp_path: Path, name: str, said: str) -> None:
+    with pytest.raises(AsperityError, match=said):
+        read(tmp_path / name, "HIERARCHY\n1 2 3 4 5 6\n")

@@ -476,6 +476,19 @@ def test_a_factor_above_whole_numbers_is_used_or_doubted(
     assert any(note in own for own in read.notes)
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        "X-Axis Unit:\tmm\nY-Axis Unit:\tmm\nZ-Axis Unit:\tµm\nSpacing X:\t0.01 mm\n"
+        "Spacing Y:\t0.01 mm\n",
+        "# PixelSizeX: 1e-05 m\n# PixelSizeY: 1e-05 m\n# HeightUnit: um\n",
+        "# dx=10um, dy=10um, z in um\n",
+    ],
+)
+def test_labels_of_axes_and_without_spaces(tmp_path: Path, head: str) -> None:
+    same(read_heights(write(tmp_path / "a.txt", head + rows(1e6 * HEIGHTS))))
+
+
 def test_the_unit_of_the_pixels_is_not_that_of_the_heights(tmp_path: Path) -> None:
     """The last line above the numbers is no heading if it states a length."""
     read = read_heights(write(tmp_path / "a.txt", "Pixel size: 10 um\n" + rows(HEIGHTS, "\t")))

@@ -104,6 +104,11 @@ _NO_LENGTHS = frozenset(
 _SAMPLE = re.compile(r"p(?:i?x|oint|ts?\b)|sample|step|bildpunkt|punkt", re.IGNORECASE)
 """What a length may be per, and still is one: `10 µm/px`."""
 _UNIT_BEHIND = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\W*$")
+_OF_A_NUMBER = re.compile(
+    r"(?:[:=\t,]\s*[-+\d.e]+\s*[\[(]?[^\W\d]+[\])]?|\s[-+\d.]+\s*[^\W\d]+)\s*$"
+)
+"""A unit at a line's end that is of the number before it."""
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _AXIS = re.compile(r"(?<![a-zß-ɏ])([xy])(?![a-zß-ɏ])")
 """The axis in a label: with a word of `_STEP` it is that of a pixel."""
 _COUNTS = {"ncols": 1, "nrows": 0, "x-pixels": 1, "y-pixels": 0}
@@ -235,7 +240,9 @@ def _findings(
         bare = " ".join(re.sub(r"\[.*?\]|(?<!-> m)\(.*?\)$", "", label.casefold()).split())
         named = named_unit(label, LENGTHS)
         plain = bare.removesuffix(named[0].casefold() if named else "").replace("_", " ").strip()
-        meaning = next(filter(None, map(_MEANING.get, (label.casefold(), bare, plain))), None)
+        spaced = _CAMEL.sub(" ", label).casefold().replace("-", " ")
+        known = (label.casefold(), bare, plain, plain.replace("-", " "), spaced)
+        meaning = next(filter(None, map(_MEANING.get, known)), None)
         two = _two_lengths(label, text) if meaning in ("width", "pixel") or bare in _WHOLE else None
         if two is not None:
             keys = ("pixel_x", "pixel_y") if meaning == "pixel" else ("width", "height")
@@ -243,7 +250,8 @@ def _findings(
             continue
         value = _VALUE.fullmatch(text)
         if value is None:
-            if meaning == "unit" or (meaning is None and units is None and length_of(text)):
+            other = meaning is None and units is None and not _AXIS.search(bare)
+            if meaning == "unit" or (other and length_of(text)):
                 units = (text.strip("[]() "), length_of(text.strip("[]() ")))
             continue
         number = float(value.group(1).replace(",", "."))
@@ -322,9 +330,7 @@ def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def _heading(lines: Sequence[str], names: Sequence[str] | None) -> tuple[str | None, float | None]:
     """Return the unit in the heading of a matrix: in the last line, or one for all columns."""
-    pair = _PAIR.fullmatch(lines[-1])
-    is_length = pair is not None and _VALUE.fullmatch(pair.group(2)) is not None
-    named = None if is_length else named_unit(lines[-1], LENGTHS)
+    named = None if _OF_A_NUMBER.search(lines[-1]) else named_unit(lines[-1], LENGTHS)
     if named is None and names:
         units = {named_unit(name, LENGTHS) for name in names}
         named = units.pop() if len(units) == 1 else None
