@@ -261,3 +261,10 @@ def test_biases_beside_a_pose_are_no_places(tmp_path: Path) -> None:
 def test_kinds_that_hold_other_things_are_named(tmp_path: Path, name: str, said: str) -> None:
     with pytest.raises(AsperityError, match=said):
         read(tmp_path / name, "HIERARCHY\n1 2 3 4 5 6\n")
+
+
+def test_a_time_beyond_all_numbers_is_refused(tmp_path: Path) -> None:
+    rows = lines(1.7e9 + T, P, Q)
+    rows[3] = "1e9999999" + rows[3][rows[3].index(",") :]
+    with pytest.raises(AsperityError, match="time must be finite"):
+        read(tmp_path / "a.csv", HEAD + "\n".join(rows))

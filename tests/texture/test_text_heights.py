@@ -483,6 +483,7 @@ def test_a_factor_above_whole_numbers_is_used_or_doubted(
         "Spacing Y:\t0.01 mm\n",
         "# PixelSizeX: 1e-05 m\n# PixelSizeY: 1e-05 m\n# HeightUnit: um\n",
         "# dx=10um, dy=10um, z in um\n",
+        "Resolution: 10 µm/px\nZ step: 3 µm/step\nHeight in µm\n",
     ],
 )
 def test_labels_of_axes_and_without_spaces(tmp_path: Path, head: str) -> None:

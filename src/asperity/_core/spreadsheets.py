@@ -33,11 +33,10 @@ def text_of_sheet(path: Path, error: type[AsperityError] = AsperityError) -> str
         if size > MOST_UNPACKED:
             raise error(f"{path}: unpacked it has {size >> 20} MiB; valid: "
                         f"{MOST_UNPACKED >> 20} at most, {as_csv}")  # fmt: skip
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), path.open("rb") as file:
             warnings.simplefilter("ignore")
-            book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+            book = openpyxl.load_workbook(file, read_only=True, data_only=True)
             found = {sheet.title: _rows(sheet) for sheet in book.worksheets}
-            book.close()
     except AsperityError:
         raise
     except Exception:  # whatever zipfile, the XML parser and openpyxl raise on a damaged file

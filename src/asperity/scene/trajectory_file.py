@@ -254,7 +254,7 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
     said: tuple[str, ...] = ()
     if suffix_of(path, JSON_FILES) in JSON_FILES:
         read, said = json_table(path)
-    elif path.suffix.lower() not in (".csv", ".tum", ".gz") and is_messages(path):
+    elif path.suffix.lower() not in (".csv", ".tum") and is_messages(path):
         read, said = yaml_table(path)
     else:
         read = read_text_table(path, texts=True)

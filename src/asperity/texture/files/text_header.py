@@ -277,6 +277,9 @@ def _findings(
         axes = {*_AXIS.findall(bare)}
         if meaning is None and metres is not None and _STEP.search(bare) and len(axes) == 1:
             meaning = f"pixel_{axes.pop()}"
+        elif meaning is None and metres is not None and each and not axes:
+            upwards = "z" in bare.split() or _ELSEWHERE.search(bare)
+            meaning = None if upwards else "pixel"  # a length per sample
         if meaning in ("nodata", "factor"):
             found[meaning] = number
         elif meaning == "bit":  # SPIP: lengths without a unit are nm
