@@ -17,7 +17,7 @@ from asperity._core.arrays import Array
 
 HEAD = 2**18
 """Bytes in which a table's form is found; smaller files are not large."""
-_PIECE = 2**16
+_PIECE, _AT_ONCE = 2**16, 2**17
 _TAIL = 4096
 _NEWLINE, _RETURN = 10, 13
 
@@ -46,21 +46,23 @@ def plain_lines(path: Path, start: int) -> tuple[int, str] | None:
     character is not ASCII, a carriage return stands alone, 4096 blanks stand at the end, or there
     are comments, at which NumPy's parser would stop late.
     """
-    count = 0
+    count = returns = pairs = 0
+    ended = False
+    piece = bytearray(_AT_ONCE)
+    codes = np.frombuffer(piece, dtype=np.uint8)
     with path.open("rb", buffering=0) as file:
         file.seek(start)
-        while piece := file.read(_PIECE):
-            if piece.endswith(b"\r"):
-                piece += file.read(1)
-            if b"#" in piece or not piece.isascii():
+        while size := file.readinto(piece) or 0:
+            if piece.find(b"#", 0, size) >= 0 or not piece.isascii():
                 return None
-            codes = np.frombuffer(piece, dtype=np.uint8)
-            ends = codes == _NEWLINE
-            count += int(np.count_nonzero(ends))
-            if b"\r" in piece:
-                returns = codes == _RETURN
-                if np.count_nonzero(returns) > np.count_nonzero(returns[:-1] & ends[1:]):
-                    return None
+            count += int(np.count_nonzero(codes[:size] == _NEWLINE))
+            pairs += ended and piece[0] == _NEWLINE
+            if piece.find(b"\r", 0, size) >= 0:
+                returns += piece.count(b"\r", 0, size)
+                pairs += piece.count(b"\r\n", 0, size)
+            ended = piece[size - 1] == _RETURN
+        if returns > pairs:
+            return None
         file.seek(max(start, file.tell() - _TAIL))
         tail = file.read(_TAIL)
     rows = tail.rstrip()

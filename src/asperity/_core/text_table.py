@@ -292,7 +292,7 @@ def _table(
         start = end + 1
     else:
         shown = f"; it begins with {header[0][:40]!r}" if header else ""
-        raise error(f"{path}: no line of it is a row of numbers{shown}; valid: rows of numbers")
+        raise error(f"{path}: it holds no numbers in rows{shown}; valid: rows of numbers")
     body = without_footer(text[start:]) if is_whole else text[start:]
     sample = [bare(line).strip(" \r") for line in first_rows(body)]
     separator, decimal = format_of([line for line in sample if line.strip()])

@@ -64,11 +64,11 @@ def pose_doubts(times: Array, poses: Array, named: bool, extremes: Extremes) -> 
                 "is the order x, y, z, w? The first pose is turned by "
                 f"{tilts[0]:.0f} degrees, with order='xyzw' by {tilts[1]:.0f}"
             )
-    steps, speeds = np.diff(times), np.zeros(1)
+    steps, fast = np.diff(times), 0.0
     if far > _FARTHEST or fastest > _FASTEST:  # else their median is no larger
         with np.errstate(all="ignore"):
             speeds = row_lengths(np.diff(poses[:, :3], axis=0)) / steps
-    fast = float(np.median(speeds)) if speeds.size else 0.0
+        fast = float(np.median(speeds)) if speeds.size else 0.0
     if far > _FARTHEST or fast > _FASTEST:
         notes.append(
             f"are x, y, z in m? They reach {far:.4g} m, at {fast:.3g} m/s; unit= changes that"
@@ -83,13 +83,13 @@ def pose_doubts(times: Array, poses: Array, named: bool, extremes: Extremes) -> 
     lost = poses[:, 0] == 0.0
     if lost.any():
         lost &= (poses[:, 1:3] == 0.0).all(axis=1) & (np.abs(poses[:, 3]) == 1.0)
-    lost[: int(np.argmin(lost))] = False  # a motion may begin there
+        lost[: int(np.argmin(lost))] = False  # a motion may begin there
     if 0 < np.count_nonzero(lost) < 0.5 * len(poses):
         notes.append(
             f"was tracking lost? {np.count_nonzero(lost)} of {len(poses)} poses are at 0, 0, 0 "
             f"without a turn, the first is pose {int(np.argmax(lost)) + 1}: leave them out, if so"
         )
-    longest = float(np.nanmax(steps, initial=0.0))
+    longest = float(np.fmax.reduce(steps, initial=0.0))
     if longest > _LONGEST_STEP and float(np.median(steps)) > _LONGEST_STEP:
         notes.append(
             f"are the times in s? There are {np.median(steps):.4g} s between poses; time_unit= "

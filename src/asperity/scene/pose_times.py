@@ -28,6 +28,8 @@ def unit_of(
     notes: list[str],
 ) -> float:  # fmt: skip
     """Return the unit of some columns, given or stated by their names, and note it."""
+    if (given, stated) == (None, None):
+        return 1.0
     names = {value: name for name, value in reversed(units.items())}
     if given is not None and stated is not None and given != stated:
         notes.append(f"{what} in {names[given]}, as given; the file states {names[stated]}")

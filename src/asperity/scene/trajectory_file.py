@@ -133,10 +133,12 @@ def read_poses(
         The file does not exist, cannot be read, or holds invalid poses or times.
     """
     path = Path(path)
-    if not path.exists():
-        raise AsperityError(f"no such file of poses: {path}")
-    if path.is_dir():
-        raise AsperityError(f"{path} is a folder; give a file of poses (.csv, .json, .npy, .npz)")
+    if not path.is_file():
+        if path.is_dir():
+            valid = "give a file of poses (.csv, .json, .npy, .npz)"
+            raise AsperityError(f"{path} is a folder; {valid}")
+        if not path.exists():
+            raise AsperityError(f"no such file of poses: {path}")
     if what := _NOT_READ.get(path.suffix.lower()):
         raise AsperityError(
             f"{path}: it holds {what}; valid: poses of one body (.csv, .json, .npy)"
