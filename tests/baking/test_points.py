@@ -388,3 +388,30 @@ def test_places_that_are_missing_are_left_out(tmp_path, gap, axis):
     found = read_points(tmp_path / "a.csv")
     assert len(found.places) == COUNT - 6
     assert "6 points without a place are left out" in found.notes
+
+
+def test_rows_and_columns_of_a_scan_are_no_places(tmp_path):
+    """FARO writes them before x, y and z, and colours behind."""
+    whole = [[k // 20, k % 20] for k in range(len(DATA))]
+    rows = [
+        [*map(str, w), *(f"{v:.5f}" for v in x[:3]), "9 8 7"]
+        for w, x in zip(whole, DATA, strict=True)
+    ]
+    path = tmp_path / "a.xyz"
+    path.write_text("\n".join(" ".join(row) for row in rows) + "\n")
+    found = read_points(path)
+    np.testing.assert_allclose(found.places, np.asarray(DATA)[:, :3], atol=1e-5)
+    assert any("rows and columns of a scan?" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("other", ["Nominal", "Soll", "Dev"])
+def test_measured_places_are_taken_beside_what_is_nominal(tmp_path, other):
+    names = ["Name", *(f"{other} {a}" for a in "XYZ"), *(f"Actual {a} [mm]" for a in "XYZ")]
+    rows = ([f"P{k}", *(f"{0.3 * v:.5f},{v:.5f}" for v in x[:3])] for k, x in enumerate(DATA))
+    names = [names[0], *(n for pair in zip(names[1:4], names[4:], strict=True) for n in pair)]
+    path = tmp_path / "a.csv"
+    path.write_text(",".join(names) + "\n" + "\n".join(",".join(row) for row in rows) + "\n")
+    found = read_points(path)
+    assert found.unit == "mm"
+    np.testing.assert_allclose(found.places, np.asarray(DATA)[:, :3], atol=1e-5)
+    assert holds_points(path)

@@ -14,7 +14,9 @@ import asperity
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.map_names import maps_in_folder
 from asperity.scene.scale import scale_rows, scale_table
+from asperity.scene.scene import scene_of
 from asperity.scene.shorthand import file_table, pattern, primitive
+from asperity.texture.files import loading
 
 HALF, WAVES, AMPLITUDE = 0.02, 10, 4e-5
 TOP = np.array([(-HALF, -HALF, 0), (HALF, -HALF, 0), (HALF, HALF, 0), (-HALF, HALF, 0)])
@@ -395,6 +397,22 @@ def test_the_table_states_which_unit_is_assumed(tmp_path, kind):
         "read: a.csv" if kind == "headed" else f"ASSUMED: unit m ({path.name} states none)"
     )
     assert extent == ("ASSUMED: unit m (a.csv states none)" if kind == "points" else "given")
+
+
+def test_a_file_of_heights_is_read_once(tmp_path, monkeypatch):
+    """For its scale and as a texture; the tool's place is found without reading it again."""
+    rows = "\n".join("\t".join(f"{(u * v) % 7}" for u in range(40)) for v in range(30))
+    path = tmp_path / "a.txt"
+    path.write_text(f"# Width: 4 mm\n# Height: 3 mm\n# Value units: um\n{rows}\n")
+    read, times = loading.load_text, []
+    monkeypatch.setattr(loading, "load_text", lambda *a, **k: (times.append(a), read(*a, **k))[1])
+    scene = asperity.make_scene(tool="sphere:3mm", target="box:9x9x5mm", target_texture=path)
+    assert len(times) == 1
+    whole = scene_of(scene.xml, scene.document, name=scene.name)
+    np.testing.assert_array_equal(whole.model.body_pos, scene.model.body_pos)
+    np.testing.assert_array_equal(whole.start, scene.start)
+    assert target_of(whole).texture.highest == target_of(scene).texture.highest
+    assert {*whole.notes} <= {*scene.notes}
 
 
 def test_capitals_whole_numbers_and_options_given_twice():

@@ -176,3 +176,95 @@ def test_matrices_in_one_list_of_16(tmp_path: Path, turned: bool) -> None:
     lists = (matrices.transpose(0, 2, 1) if turned else matrices).reshape(N, 16).tolist()
     records = [{"timestamp": t, "transform": m} for t, m in zip(T.tolist(), lists, strict=True)]
     check(read(tmp_path / "a.json", json.dumps(records)))
+
+
+MESSAGE = """header:
+  stamp:
+    {sec}: {s}
+    {nano}: {ns:9d}
+  frame_id: "base"
+pose:
+  pose:
+    position:
+      x: {x!r}
+      y: {y!r}
+      z: {z!r}
+    orientation:
+      x: {qx!r}
+      y: {qy!r}
+      z: {qz!r}
+      w: {qw!r}
+  covariance: [0.1, 0.0, 0.0]
+---
+"""
+
+
+@pytest.mark.parametrize("names", [("secs", "nsecs"), ("sec", "nanosec")])
+@pytest.mark.parametrize("name", ["a.txt", "a.yaml"])
+def test_messages_of_ros_as_they_are_printed(tmp_path: Path, names, name: str) -> None:
+    text = ""
+    for t, p, q in zip(T, P.tolist(), Q.tolist(), strict=True):
+        keys = dict(zip(("x", "y", "z", "qw", "qx", "qy", "qz"), p + q, strict=True))
+        ns = round(1e9 * t)
+        text += MESSAGE.format(sec=names[0], nano=names[1], s=1_700_000_000, ns=ns, **keys)
+    check(read(tmp_path / name, text))
+    wrong = text.replace("covariance: [0.1, 0.0, 0.0]", "covariance 3")
+    with pytest.raises(AsperityError, match=r"line 17 is 'covariance 3'; valid: messages"):
+        read(tmp_path / name, wrong)
+
+
+def test_rows_of_ros2_have_no_names_and_a_word(tmp_path: Path) -> None:
+    whole = np.full(N, 1_700_000_000), np.round(1e9 * T).astype(int)
+    turns = np.roll(Q, -1, axis=1)
+    rows = (
+        ",".join([str(s), str(ns), "base", *(f"{v:.17g}" for v in (*p, *q))])
+        for s, ns, p, q in zip(*whole, P, turns, strict=True)
+    )
+    found = read(tmp_path / "a.csv", "\n".join(rows))
+    check(found)
+    assert "as of ROS 2" in " ".join(found.notes)
+
+
+def test_poses_of_colmap_are_doubted_or_refused(tmp_path: Path) -> None:
+    """They are of the world in the camera, in no unit."""
+    path = tmp_path / "images.csv"
+    rows = lines(np.arange(N), Q, P, np.ones(N))
+    found = read(path, "image_id,qw,qx,qy,qz,tx,ty,tz,camera_id\n" + "\n".join(rows), rate_hz=30)
+    assert "poses of the world in a camera, as COLMAP's?" in " ".join(found.notes)
+    head = (
+        "# Image list with two lines of data per image:\n#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, "
+        "CAMERA_ID, NAME\n#   POINTS2D[] as (X, Y, POINT3D_ID)\n"
+    )
+    own = "\n".join(f"{row.replace(',', ' ')} a.jpg\n10.5 20.5 -1 3.5 4.5 17" for row in rows)
+    with pytest.raises(AsperityError, match="COLMAP's images, which are poses of the world"):
+        read(tmp_path / "images.txt", head + own, rate_hz=30)
+
+
+@pytest.mark.parametrize("start", [1.23e11, 9.87e12, 2e12, 5e15])
+@pytest.mark.parametrize("step", [1e7, 1e6])
+def test_times_since_a_start_show_their_unit_by_their_steps(tmp_path: Path, start, step) -> None:
+    """Nanoseconds of a clock that counts from no epoch, as OpenXR's."""
+    times = start + step * np.arange(N)
+    found = read(tmp_path / "a.csv", HEAD + "\n".join(lines(times, P, Q)))
+    np.testing.assert_allclose(found.times, 1e-9 * step * np.arange(N), atol=1e-9)
+    seconds = read(tmp_path / "b.csv", HEAD + "\n".join(lines(1.7e9 + np.arange(N), P, Q)))
+    np.testing.assert_allclose(seconds.times, np.arange(N), atol=1e-6)
+
+
+def test_biases_beside_a_pose_are_no_places(tmp_path: Path) -> None:
+    names = "timestamp, p_WS_W_x, p_WS_W_y, p_WS_W_z, q_WS_w, q_WS_x, q_WS_y, q_WS_z, "
+    biases = "b_g_x, b_g_y, b_g_z, b_a_x, b_a_y, b_a_z"
+    check(read(tmp_path / "a.csv", f"{names}{biases}\n" + "\n".join(lines(T, P, Q, P, P))))
+
+
+@pytest.mark.parametrize(("name", "said"), [("a.bvh", "joints of a skeleton"), ("a.bag", "of ROS")])
+def test_kinds_that_hold_other_things_are_named(tmp_path: Path, name: str, said: str) -> None:
+    with pytest.raises(AsperityError, match=said):
+        read(tmp_path / name, "HIERARCHY\n1 2 3 4 5 6\n")
+
+
+def test_a_time_beyond_all_numbers_is_refused(tmp_path: Path) -> None:
+    rows = lines(1.7e9 + T, P, Q)
+    rows[3] = "1e9999999" + rows[3][rows[3].index(",") :]
+    with pytest.raises(AsperityError, match="time must be finite"):
+        read(tmp_path / "a.csv", HEAD + "\n".join(rows))

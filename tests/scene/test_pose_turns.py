@@ -140,8 +140,9 @@ def test_rotation_vectors_of_robots(tmp_path: Path) -> None:
     check(found)
     assert noted(found, "rotation vectors")
     degrees = write(tmp_path / "e.csv", "t,x,y,z,rx,ry,rz\n", T, P, DEG * ANGLES)
-    with pytest.raises(AsperityError, match="degrees or radians"):
-        read_poses(degrees)
+    found = read_poses(degrees)
+    check(found)
+    assert noted(found, r"angles reach 63.*: in degrees; angle_unit='rad' changes that")
 
 
 @pytest.mark.parametrize("matrices", [THREE, FOUR])
@@ -233,6 +234,19 @@ def test_angles_of_motion_capture(tmp_path: Path) -> None:
     found = read_poses(write(tmp_path / "a.csv", head, np.arange(N), T, DEG * ANGLES, 1e3 * P))
     check(found, turns("zyx"))
     assert noted(found, "angles about moving axes, x, y, z in turn")
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("deg", DEG), ("rad", 1.0), ("", DEG)])
+def test_the_line_of_units_says_what_vicon_s_angles_are(tmp_path, unit: str, factor: float) -> None:
+    head = "Objects\n100\n,,Tool,,,,,\nFrame,Sub Frame,RX,RY,RZ,TX,TY,TZ\n,,U,U,U,mm,mm,mm\n"
+    columns = np.arange(1, N + 1), 0.0 * T, factor * V, 1e3 * P
+    path = write(tmp_path / "a.csv", head.replace("U,", f"{unit},"), *columns)
+    found = read_poses(path, angles="rotvec")
+    np.testing.assert_allclose(
+        [rotation_of(pose[3:]) for pose in found.poses], R, atol=1e-7, rtol=0.0
+    )
+    assert noted(read_poses(path), "angles='xyz'" if unit == "rad" else "'rotvec' and others")
+    assert noted(found, "in degrees") == (unit == "")
 
 
 def test_a_rate_takes_the_place_of_times_and_options_that_do_nothing_are_refused(tmp_path) -> None:

@@ -454,3 +454,62 @@ def test_places_and_speeds_are_no_sizes_of_a_map(tmp_path: Path) -> None:
             read_heights(write(tmp_path / "a.txt", f"{head}Z unit: m\n" + rows(HEIGHTS)))
     same(read_heights(write(tmp_path / "b.txt", "Scale: 10 µm\nPixel size: 10 µm/px\n"
                             "Z unit: m\n" + rows(HEIGHTS))))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("head", "scale", "note"),
+    [
+        ("Scale factor: 0.002 um", 2e-9, "heights in 0.002 um"),
+        ("Unit: um\nScale factor 0.002", 2e-9, "heights in 0.002 um"),
+        ("Z scale: 0.002 um/LSB", 2e-9, "heights in 0.002 um"),
+        ("Height conversion (nm/count)\t2", 2e-9, "heights in 2 nm"),
+        ("Unit: um\nZ scale: 2 nm", 1e-6, "is 'Z scale', 2, a factor of the heights"),
+    ],
+)
+def test_a_factor_above_whole_numbers_is_used_or_doubted(
+    tmp_path: Path, head: str, scale: float, note: str
+) -> None:
+    counts = np.arange(48).reshape(6, 8) ** 2 % 37
+    text = f"{head}\nPixel size: 10 um\n" + rows(counts, "\t")
+    read = read_heights(write(tmp_path / "a.txt", text))
+    np.testing.assert_allclose(np.ptp(read.samples), scale * np.ptp(counts), rtol=1e-9)
+    assert any(note in own for own in read.notes)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "X-Axis Unit:\tmm\nY-Axis Unit:\tmm\nZ-Axis Unit:\tµm\nSpacing X:\t0.01 mm\n"
+        "Spacing Y:\t0.01 mm\n",
+        "# PixelSizeX: 1e-05 m\n# PixelSizeY: 1e-05 m\n# HeightUnit: um\n",
+        "# dx=10um, dy=10um, z in um\n",
+        "Resolution: 10 µm/px\nZ step: 3 µm/step\nHeight in µm\n",
+    ],
+)
+def test_labels_of_axes_and_without_spaces(tmp_path: Path, head: str) -> None:
+    same(read_heights(write(tmp_path / "a.txt", head + rows(1e6 * HEIGHTS))))
+
+
+def test_the_unit_of_the_pixels_is_not_that_of_the_heights(tmp_path: Path) -> None:
+    """The last line above the numbers is no heading if it states a length."""
+    read = read_heights(write(tmp_path / "a.txt", "Pixel size: 10 um\n" + rows(HEIGHTS, "\t")))
+    np.testing.assert_allclose(np.ptp(read.samples), np.ptp(HEIGHTS), rtol=1e-5)
+    assert any("no unit is stated" in note for note in read.notes)
+
+
+def test_a_sheet_of_excel_is_read_as_text(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in (["Pixel size", "10 um"], ["Height unit", "um"], *(1e6 * HEIGHTS).tolist()):
+        book.active.append(row)
+    book.create_sheet("empty")
+    path = tmp_path / "a.xlsx"
+    book.save(path)
+    same(read_heights(path))
+    book["empty"].append([1, 2])
+    book.save(path)
+    with pytest.raises(SurfaceError, match=r"2 of its sheets have cells \(Sheet, empty\)"):
+        read_heights(path)
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(SurfaceError, match=r"an Excel file: damaged.*or save its sheet as \.csv"):
+        read_heights(path)

@@ -33,8 +33,9 @@ def _grouped(mark: str, decimal: str) -> re.Pattern[str]:
 
 _GROUPED = {",": _grouped(",", "."), ".": _grouped(".", ","), " ": _grouped(" ", ".,")}
 """Cells that show which mark groups thousands: `1,234.5`, `1.234,5`, `1 234,5`."""
-_NEVER_BETWEEN = re.compile(r"(?<=\d)['’\u00a0\u2009\u202f](?=\d{3}(?!\d))")
+_APART = "'’\u00a0\u2009\u202f"
 """Marks that group thousands and stand between no cells: Swiss, French."""
+_NEVER_BETWEEN = re.compile(rf"(?<=\d)[{_APART}](?=\d{{3}}(?!\d))")
 _HEAD = 20_000
 """Characters in which marks that group thousands show."""
 LOOKED_AT, OPENING = 40, 200_000
@@ -63,7 +64,7 @@ def without_groups(text: str) -> str:
     if '"' in text and ";" not in text and _QUOTED_COMMA.search(text):
         text = "\n".join(";".join(cells) for cells in csv.reader(text.splitlines()))
     head = text[:_HEAD]
-    if _NEVER_BETWEEN.search(head):
+    if any(mark in head for mark in _APART) and _NEVER_BETWEEN.search(head):
         text = _NEVER_BETWEEN.sub("", text)
     for mark, grouped in _GROUPED.items():
         if (";" in head or "\t" in head) and grouped.search(head):
@@ -141,11 +142,13 @@ def is_number(word: str) -> bool:
 
 def is_row(line: str, texts: bool) -> bool:
     """Return whether a line is a row of numbers, words for missing values among them."""
-    words = WORD.findall(TWO_WORDS.sub("nan", bare(line).replace('"', " ")))
+    line = bare(line)
+    words = WORD.findall(TWO_WORDS.sub("nan", line.replace('"', " ").replace("−", "-")))
     if not words or line.lstrip().startswith(("%", "//")):
         return False
-    numbers = sum(_NUMBER.fullmatch(word.replace("−", "-")) is not None for word in words)
-    missing = sum(word.lower() in MISSING for word in words)
+    others = [word for word in words if not _NUMBER.fullmatch(word)]
+    numbers = len(words) - len(others)
+    missing = sum(word.lower() in MISSING for word in others)
     if numbers + missing == len(words):
         return numbers > 0 or len(words) > 3
     return texts and len(words) >= 8 and 2 * numbers > len(words)

@@ -17,7 +17,9 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity._core.large_tables import numbers_of
 from asperity._core.plain_tables import ends_plainly, head_of, plain_lines, plain_numbers
+from asperity._core.spreadsheets import SHEETS, text_of_sheet
 from asperity._core.text_form import (
+    LOOKED_AT,
     MISSING,
     OPENING,
     TWO_WORDS,
@@ -230,6 +232,8 @@ def read_text_table(
     AsperityError
         No text, or no row of numbers.
     """
+    if path.suffix.lower() in SHEETS:
+        return _table(path, text_of_sheet(path, error), texts, error)
     plain = _plain_table(path, texts)
     if plain is not None:
         return replace(plain, error=error)
@@ -244,7 +248,7 @@ def read_text_table(
 
 def _plain_table(path: Path, texts: bool) -> TextTable | None:
     """Return the table of a large file of plain numbers, judged by its head; None for others."""
-    head = head_of(path)
+    head = head_of(path, 2 * LOOKED_AT)
     text = None if head is None or b"\n" not in head else decoded(head)
     if head is None or text is None or without_groups(text) != text:
         return None
@@ -254,12 +258,15 @@ def _plain_table(path: Path, texts: bool) -> TextTable | None:
         return None
     above = table.first_line - 1
     start = len(head) - len(head.split(b"\n", above)[-1])
-    if len(table.body) < OPENING or table.decimal != "." or not ends_plainly(head[:start]):
+    if len(table.body) < OPENING and table.body.count("\n") < LOOKED_AT:
+        return None
+    if table.decimal != "." or not ends_plainly(head[:start]):
         return None
     lines = plain_lines(path, start)
     if lines is None or is_footer(lines[1]):
         return None
-    numbers = plain_numbers(path, above, table.separator, table.columns, "latin-1")
+    form = table.separator, table.columns, "latin-1"
+    numbers = plain_numbers(path, above, *form, rows=lines[0])
     if numbers is None or len(numbers) != lines[0]:  # else there are blank lines
         return None
     return replace(table, numbers=numbers)
@@ -284,7 +291,8 @@ def _table(
             above = line
         start = end + 1
     else:
-        raise error(f"{path}: there are no numbers in it; valid: rows of numbers")
+        shown = f"; it begins with {header[0][:40]!r}" if header else ""
+        raise error(f"{path}: it holds no numbers in rows{shown}; valid: rows of numbers")
     body = without_footer(text[start:]) if is_whole else text[start:]
     sample = [bare(line).strip(" \r") for line in first_rows(body)]
     separator, decimal = format_of([line for line in sample if line.strip()])

@@ -46,10 +46,9 @@ def read_las(path: Path) -> tuple[Array, None, tuple[str, ...]]:
             cloud = file.read()
     except (MemoryError, KeyboardInterrupt, SystemExit, AsperityError):
         raise
-    except BaseException as error:  # also panics of lazrs, which are no `Exception`
+    except BaseException:  # also panics of lazrs, which are no `Exception`
         raise AsperityError(
-            f"{path}: cannot be read as a {path.suffix} file: "
-            f"{' '.join(str(error).split())[:120] or 'it is damaged'}"
+            f"{path}: cannot be read as a {path.suffix} file: it is damaged or cut short"
         ) from None
     if len(cloud.xyz) < count:
         raise AsperityError(

@@ -19,16 +19,15 @@ from asperity._core.files import columns_of, reading, text_of
 from asperity._core.large_tables import numbers_of
 from asperity._core.plain_tables import head_of, plain_numbers
 from asperity._core.text_form import MISSING, are_decimal_commas, is_number, without_groups
-from asperity._core.units import LENGTHS, named_unit
 from asperity._core.unpacking import content_of
 from asperity.baking.las import read_las
 from asperity.baking.pcd import read_pcd
+from asperity.baking.point_names import cells_of, heading_of
 from asperity.baking.ptx import read_ptx
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import UNITS
 from asperity.geometry.mesh.contents import stated_unit
 from asperity.geometry.mesh.ply import positions, read_elements, read_head
-from asperity.scene.pose_columns import meaning_of
 
 POINTS = (".xyz", ".pts", ".ptx", ".pcd", ".las", ".laz")
 TEXTS = (".asc", ".txt", ".csv", ".dat", ".tsv")
@@ -47,16 +46,6 @@ _FIRST = 40
 """Lines from which it is found where all others are read by it."""
 _FORMS = ((";", ","), (",", "."), (None, "."), (None, ","), ("\t", "."), ("\t", ","))
 """What stands between numbers (None: spaces or tabs), and the decimal sign; a point always may."""
-_AXES = {
-    "x": "x", "y": "y", "z": "z", "east": "x",
-    "easting": "x", "north": "y", "northing": "y", "elevation": "z", "height": "z", "x-coord": "x",
-    "y-coord": "y", "z-coord": "z",
-}  # fmt: skip
-_HEADING = re.compile(
-    r"^([a-z:0-9-]+?)(?:[\s_]*coordinates?)?(?:[\s_]*[\[(]([a-zµμ]+)[\])]|[\s_]+([a-zµμ]+))?$"
-)
-_NUMBERED = re.compile(r"points\w*:([012])")
-"""How ParaView and VeloView name the columns of places."""
 _ON_THE_GLOBE = re.compile(r"(?i)\b(lat(?:itude)?|lon(?:g(?:itude)?)?)\b")
 _FORTRAN = re.compile(r"(?<=\d)[dD](?=[+-]\d)")
 """The sign before a power of ten, as Fortran writes it."""
@@ -122,17 +111,17 @@ def read_points(path: Path) -> Points:
             found = _text(path)
     places, notes = found.places, found.notes
     good = np.ones(len(places), dtype=bool)
-    if not np.isfinite(places).all():  # which row by row takes longer
+    least = float(places.min(initial=0.0))
+    if not np.isfinite(least + float(places.max(initial=0.0))):  # row by row takes longer
         good &= np.isfinite(places).all(axis=1)
         notes = (*notes, f"{np.count_nonzero(~good)} points without a place are left out")
     at_origin = np.asarray(places[:, 0] == 0.0)
-    if at_origin.any():
-        at_origin &= (places[:, 1:] == 0.0).all(axis=1)
+    at_origin = at_origin & (places[:, 1:] == 0.0).all(axis=1) if at_origin.any() else at_origin
     count = np.count_nonzero(at_origin)
     if count > 1:
         notes += (f"{count} points at 0, 0, 0 are left out: scanners write what is not seen so",)
         good &= ~at_origin
-    for axis in range(3):
+    for axis in range(0 if least > max(_MISSING) else 3):
         lowest = float(np.fmin.reduce(places[:, axis], initial=0.0))
         if lowest not in _MISSING:
             continue
@@ -159,7 +148,11 @@ def holds_points(path: Path) -> bool:
     """
     lines = _plain(content_of(path, 20_000)).split("\n")
     form = _form(lines[:-1] or lines)
-    if form is None or form.width > 12 or _MAP_HEADS.search("\n".join(lines[: form.first])):
+    if (
+        form is None
+        or (form.width > 12 and not form.names)
+        or _MAP_HEADS.search("\n".join(lines[: form.first]))
+    ):
         return False
     rows = [line for line in lines[form.first : -1] if line.strip()]
     is_long = form.width <= _FEW and len(rows) > _LONG * form.width
@@ -218,10 +211,10 @@ def _form_of(lines: list[str], *, texts: bool) -> _Form | None:
         width = max(set(widths), key=widths.count)
         share = widths.count(width)
         first = next(i for i, row in enumerate(rows) if len(row) == width)
-        full = _cells(lines[first], separator)
-        while first and len(rows[first - 1]) > 2 and _cells(lines[first - 1], separator) == full:
+        full = cells_of(lines[first], separator)
+        while first and len(rows[first - 1]) > 2 and cells_of(lines[first - 1], separator) == full:
             first -= 1  # rows whose last cells are empty
-        names, units, below = _heading(lines[: first + 1], separator, width)
+        names, units, below = heading_of(lines[: first + 1], separator, width)
         wordless = [k for k, value in enumerate(rows[first]) if not (texts and value != value)]
         columns = tuple(names.index(axis) for axis in "xyz") if names else tuple(wordless[:3])
         while names and first > below and _holds(lines[first - 1], separator, decimal, columns):
@@ -238,61 +231,6 @@ def _holds(line: str, separator: str | None, decimal: str, columns: tuple[int, .
     """Return whether a line has numbers in some columns, whatever the others have."""
     words = line.strip(" \r").replace(decimal, ".").split(separator)
     return len(words) > max(columns) and all(is_number(words[k]) for k in columns)
-
-
-def _cells(line: str, separator: str | None) -> int:
-    """Return how many cells a line has, empty ones at its end too."""
-    return len(line.strip(" \r").split(separator))
-
-
-def _heading(
-    lines: list[str], separator: str | None, width: int
-) -> tuple[tuple[str, ...], tuple[str, ...], int]:
-    """Return the axes that columns are, "" for others, their units, and the line below their names.
-
-    Empty if no line above the last, the first row, names x, y and z; it may have more cells, which
-    are empty. A column that is named x alone wins over `pos_x`.
-    """
-    *above, row = lines
-    for at, line in reversed([*enumerate(above)]):
-        plain = line.strip().lstrip("#/%").strip()
-        for cut in dict.fromkeys((separator, ",", ";", "\t", None)):
-            words = [word.strip() for word in plain.split(cut)]
-            if len(words) != width and not width < len(words) == _cells(row, cut):
-                continue
-            words = words[:width]
-            for axis_of in (_alone, _within):
-                found = [axis_of(word) for word in words]
-                axes = tuple(axis for axis, _ in found)
-                if all(axes.count(axis) == 1 for axis in "xyz"):
-                    stated = dict(found)
-                    units = [re.sub("[µμ]", "u", stated[axis]) for axis in "xyz"]
-                    if not any(units) and at + 1 < len(above):  # a line of units below
-                        cells = [cell.strip("[]() \r") for cell in above[at + 1].split(cut)]
-                        below = dict(zip(axes, cells, strict=False))
-                        units = [re.sub("[µμ]", "u", below.get(axis, "")) for axis in "xyz"]
-                    return axes, tuple(unit if unit in UNITS else "" for unit in units), at + 1
-    return (), (), 0
-
-
-def _alone(name: str) -> tuple[str, str]:
-    """Return the axis that a column's whole name is, "" for another, and the unit behind it."""
-    found = _HEADING.match(name.lower())
-    axis = _AXES.get(found.group(1), "") if found else ""
-    return axis, (found[2] or found[3] or "") if found else ""
-
-
-def _within(name: str) -> tuple[str, str]:
-    """Return the axis that part of a column's name states, as of a pose's, and its unit."""
-    axis, unit = _alone(name)
-    numbered = _NUMBERED.fullmatch(name.lower())
-    if axis:
-        return axis, unit
-    if numbered:
-        return "xyz"[int(numbered[1])], ""
-    meaning = (meaning_of(name) or "").rstrip("?")
-    named = named_unit(name, LENGTHS)
-    return (meaning if meaning in ("x", "y", "z") else ""), named[0].lower() if named else ""
 
 
 def _text(path: Path) -> Points:
@@ -317,7 +255,11 @@ def _text(path: Path) -> Points:
             "semicolons or tabs between them, or decimal points"
         )
     notes = []
-    if not form.names and form.width > 3 and _counts_lines(lines, form):
+    if not form.names and form.width > 5 and _are_rows_and_columns(lines, form):
+        form = form._replace(columns=(2, 3, 4))
+        notes.append("are its first two columns rows and columns of a scan? "
+                     "x, y and z are taken from the three behind them")  # fmt: skip
+    elif not form.names and form.width > 3 and _counts_lines(lines, form):
         form = form._replace(columns=(1, 2, 3))
         notes.append("its first column counts the points: x, y and z are those behind it")
     if not form.names and (form.texts or _are_names(lines[: form.first][-1:], form)):
@@ -350,10 +292,10 @@ def _plain_points(path: Path) -> tuple[list[str], _Form | None, Array | None]:
 
     The last is None for other texts. A few lines show the form if all others are read by it.
     """
-    first = (head_of(path) or b"").split(b"\n", 4 * _SAMPLE)[:-1]
-    if len(first) < 4 * _SAMPLE:
+    first = (head_of(path, 2 * _SAMPLE) or b"").split(b"\n", 2 * _SAMPLE)[:-1]
+    if len(first) < 2 * _SAMPLE:
         return [], None, None
-    lines = _plain(b"\n".join(first)).split("\n")[: 4 * _SAMPLE]
+    lines = _plain(b"\n".join(first)).split("\n")
     form = _form(lines[:_FIRST])
     if form is None or form.first > _FIRST // 4 or form.texts or form.decimal != ".":
         return lines, form, None
@@ -398,3 +340,11 @@ def _counts_lines(lines: list[str], form: _Form) -> bool:
     rows = [_numbers(x, form.separator, form.decimal) for x in lines[form.first :][:_SAMPLE]]
     first = np.array([row[0] for row in rows if len(row) == form.width])
     return len(first) > 8 and first[0] in (0.0, 1.0) and bool((np.diff(first) == 1.0).all())
+
+
+def _are_rows_and_columns(lines: list[str], form: _Form) -> bool:
+    """Return whether of all columns the third to the fifth alone are not whole, as of FARO."""
+    rows = [_numbers(x, form.separator, form.decimal) for x in lines[form.first :][:_SAMPLE]]
+    values = np.array([row for row in rows if len(row) == form.width]).reshape(-1, form.width)
+    fractions = (values % 1.0 != 0.0).any(axis=0)
+    return bool(fractions[2:5].all() and fractions.sum() == 3)

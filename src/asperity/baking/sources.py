@@ -25,7 +25,7 @@ from asperity.geometry.mesh.ply import read_head
 from asperity.texture.files.arrays import ARRAY_SUFFIXES
 from asperity.texture.files.images import IMAGE_SUFFIXES
 from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES
-from asperity.texture.files.reading import PACKED as PACKED_HEIGHTS
+from asperity.texture.files.loading import PACKED as PACKED_HEIGHTS
 
 HAND = (5e-3, 0.5)
 """Smallest and largest extent of a hand-held object [m], for guessing the unit."""

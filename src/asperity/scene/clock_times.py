@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from datetime import UTC, datetime
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal, DecimalException
 
 import numpy as np
 
@@ -61,6 +61,6 @@ def exact_times(text: TextTable, column: int, values: Array) -> tuple[float, Arr
     cells = (line.split(text.separator)[column] for line in text.body.split("\n") if line.strip())
     try:
         numbers = [Decimal(cell.strip().replace(",", ".")) for cell in cells]
-    except (InvalidOperation, IndexError):
+        return float(numbers[0]), np.array([float(n - numbers[0]) for n in numbers])
+    except (DecimalException, IndexError):
         return float(values[0]), values - values[0]
-    return float(numbers[0]), np.array([float(n - numbers[0]) for n in numbers])

@@ -22,15 +22,17 @@ from asperity.geometry.mesh.checks import length
 from asperity.geometry.mesh.map_names import maps_in_folder
 from asperity.geometry.mesh.materials import MapImage
 from asperity.geometry.mesh.mesh import Mesh
+from asperity.scene.adapt import adapted
 from asperity.scene.asset import (
     own_textures,
     part_of,
     seen_colour,
     texture_of,
 )
+from asperity.scene.concave import with_convex_pieces
 from asperity.scene.document import at, require_table
 from asperity.scene.mesh import body_mesh, body_pieces, files_read_once
-from asperity.scene.mjcf import compiled, mesh_assets, mesh_geoms, model_around
+from asperity.scene.mjcf import compiled, mesh_assets, mesh_geoms, model_around, tool_start
 from asperity.scene.placement import fall, slide_over
 from asperity.scene.scene import Scene, scene_of
 from asperity.scene.shorthand import PRIMITIVES, file_table, pattern, primitive
@@ -152,9 +154,16 @@ def make_scene(
     # Asperities meet before the smooth surfaces do.
     reach = [max(b.texture.highest, 0.0) for b in scene.bodies if b.texture is not None]
     place[2] += sum(reach) + _CLEARANCE
-    scene = scene_of(_xml(name, parts, place), document, name=name)
+    scene = _with_xml(scene, _xml(name, parts, place))
     notes = tuple(f"{key}: {note}" for key, part in parts.items() for note in part.notes)
     return replace(scene, notes=(*notes, *scene.notes))
+
+
+def _with_xml(scene: Scene, xml: str) -> Scene:
+    """Return a scene of an XML that places the tool elsewhere: nothing is read again for it."""
+    prepared = adapted(xml, scene.tool)
+    model, _ = with_convex_pieces(xml, prepared.model, prepared.spec)
+    return replace(scene, xml=xml, model=model, start=tool_start(prepared.model, scene.tool))
 
 
 def _part(which: str, source: File, texture: File | None, unit: str | None) -> _Part:

@@ -31,6 +31,7 @@ from asperity.geometry.shapes.block import block
 from asperity.geometry.shapes.shape import Shape, cad_part, file_tool, hammer
 from asperity.scene.document import Table, arguments, at, find_file, make_by_kind, parse_options
 from asperity.scene.mjcf import mesh_assets, mesh_geoms, model_mesh
+from asperity.texture.files.loading import contents_kept
 from asperity.texture.height_field import HeightField
 
 MESHES: dict[str, Callable[..., Shape]] = {
@@ -184,10 +185,14 @@ def _mesh_of_file(table: Table, key: str, folder: Path | None) -> Mesh:
 
 @contextmanager
 def files_read_once() -> Iterator[None]:
-    """Read each file of a mesh once within the context, in which files stay as they are."""
+    """Read each file of a mesh once within the context, in which files stay as they are.
+
+    One of heights too, if it is read as a texture once.
+    """
     token = _KNOWN.set({})
     try:
-        yield
+        with contents_kept():
+            yield
     finally:
         _KNOWN.reset(token)
 

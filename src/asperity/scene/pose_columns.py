@@ -115,6 +115,8 @@ def meaning_of(name: str) -> str | None:
     if not words or _OTHER & {*words[:-1]}:
         return None
     last, before = words[-1], {*words[:-1]}
+    if "b" in before and before & {"g", "a", "w"}:
+        return None  # biases, as OKVIS and EuRoC name them
     if last in _FRACTIONS:
         return "nanoseconds"
     if last in _TIMES and not (before & _TURN):

@@ -29,6 +29,8 @@ def lost_poses(text: TextTable, names: Sequence[str]) -> tuple[Mask | None, str]
         Of its columns.
     """
     for at, name in enumerate(names):
+        if not any(flag in name.lower() for flag in _FLAGS):
+            continue
         words = words_of(name)
         if not words or words[-1] not in _FLAGS or not {*words[:-1]} <= _BEFORE:
             continue

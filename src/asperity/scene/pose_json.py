@@ -41,23 +41,27 @@ def json_table(path: Path) -> tuple[TextTable, tuple[str, ...]]:
         A file that is damaged, or holds neither records nor lists of one length; one line.
     """
     with reading(path, "poses", JSON_FILES, packed=JSON_FILES):
-        found = _loaded(path)
-        notes: list[str] = []
-        above: tuple[str, ...] = ()
-        if isinstance(found, dict):
-            leaves = dict(_leaves(_numbered_as_lists(found)))
-            records, beside = _records_within(path, leaves)
-            above = tuple(f"{n}: {_cell(value)}" for n, value in beside.items() if _is_cell(value))
-            others = [name for name, value in beside.items() if not _is_cell(value)]
-            notes += [f"left out: {', '.join(others)[:120]}"] if others else []
-        elif isinstance(found, list) and found:
-            records = [dict(_leaves(row)) if isinstance(row, dict) else row for row in found]
-        else:
-            raise _refused(path, "it holds no poses")
-        if all(isinstance(record, list) for record in records):
-            names, rows = None, [_flat(path, k, row) for k, row in enumerate(records, 1)]
-        else:
-            names, rows = _in_rows(path, records, notes)
+        return table_of(path, _loaded(path))
+
+
+def table_of(path: Path, found: Any) -> tuple[TextTable, tuple[str, ...]]:
+    """Return the rows of records, numbers as their texts, as `json_table` does."""
+    notes: list[str] = []
+    above: tuple[str, ...] = ()
+    if isinstance(found, dict):
+        leaves = dict(_leaves(_numbered_as_lists(found)))
+        records, beside = _records_within(path, leaves)
+        above = tuple(f"{n}: {_cell(value)}" for n, value in beside.items() if _is_cell(value))
+        others = [name for name, value in beside.items() if not _is_cell(value)]
+        notes += [f"left out: {', '.join(others)[:120]}"] if others else []
+    elif isinstance(found, list) and found:
+        records = [dict(_leaves(row)) if isinstance(row, dict) else row for row in found]
+    else:
+        raise _refused(path, "it holds no poses")
+    if all(isinstance(record, list) for record in records):
+        names, rows = None, [_flat(path, k, row) for k, row in enumerate(records, 1)]
+    else:
+        names, rows = _in_rows(path, records, notes)
     width = len(rows[0])
     if width == 0:
         raise _refused(path, "it holds no poses")

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
+from asperity._core.text_form import is_number
 from asperity._core.text_table import TextTable
 from asperity.errors import AsperityError
 from asperity.scene.pose_columns import Layout, layout_of, meaning_of
@@ -22,6 +23,9 @@ _BODY = re.compile(r"(?i)(?:^|[\W_])(?:id|name|body|device|tracker|object|serial
 """Names of columns that may tell bodies apart."""
 _MOST_LINES = 20
 """Lines above the rows, the last ones, that may name columns."""
+_COLMAP = ({"imageid", "cameraid"}, {"id", "cameraid"})
+ROS2 = ("sec", "nanosec", "frame_id", "x", "y", "z", "qx", "qy", "qz", "qw")
+"""Columns of `ros2 topic echo --csv` of poses with a time, which have no names."""
 _FRAMES = ("frame", "frame#", "frames", "frame number", "sample")
 
 
@@ -100,6 +104,34 @@ def named_columns(path: object, names: Sequence[str], rate: float | None) -> Lay
     timed = [*names]
     timed[frames[0]] = "time"
     return layout_of(path, timed)._replace(rate=rate)
+
+
+def of_the_world(path: object, header: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    """Return a note on poses of the world in a camera, as COLMAP has them, () for others.
+
+    Raises `AsperityError` for its list of images, which has lines of points between.
+    """
+    if any("POINTS2D" in line for line in header):
+        raise AsperityError(
+            f"{path}: COLMAP's images, which are poses of the world in the camera, without a time "
+            "and a scale; valid: those of the tool in the world [m], as time,x,y,z,qw,qx,qy,qz"
+        )
+    plain = {re.sub(r"[\W_]", "", name).lower() for name in names}
+    if not any(known <= plain for known in _COLMAP):
+        return ()
+    return ("are they poses of the world in a camera, as COLMAP's? Taken as those of the tool in "
+            "the world, in m: invert and scale them, if so",)  # fmt: skip
+
+
+def are_ros2(text: TextTable) -> bool:
+    """Return whether columns without names are `ROS2`: two whole numbers, a word, and a pose."""
+    cells = [cell.strip() for cell in text.body.partition("\n")[0].split(",")]
+    return (
+        len(cells) == text.columns == len(ROS2)
+        and all(cell.isdigit() for cell in cells[:2])
+        and not is_number(cells[2])
+        and all(map(is_number, cells[3:]))
+    )
 
 
 def require_one_body(path: object, text: TextTable, names: Sequence[str]) -> None:

@@ -106,25 +106,29 @@ def _of_angles(
     if radians is not None and stated is not None and stated != radians:
         notes.append(f"angles in {unit}, as given; the file states otherwise")
     radians = radians or stated
-    degrees = radians is not None and radians not in (1.0, 1e-3)
     found = values[:, 4:7]
+    largest = float(np.abs(found).max())
+    if radians is None and 2.02 * np.pi < largest < np.inf:
+        radians = ANGLE_UNITS["deg"]
+        notes.append(f"angles reach {largest:.4g}: in degrees; angle_unit='rad' changes that")
+    degrees = radians is not None and radians not in (1.0, 1e-3)
     if convention is None:
         vectors = layout.turn == "vector" or (layout.turn == "either" and not degrees)
         convention = layout.sequence or ("rotvec" if vectors else "xyz")
-        other = "xyz" if convention == "rotvec" else "zyx"
-        notes.append(f"{_meaning(names, convention)}; angles={other!r} and others change that")
+        other = "'xyz'" if convention == "rotvec" else "'zyx'"
+        other += ", 'rotvec'" if layout.turn == "either" and degrees else ""
+        notes.append(f"{_meaning(names, convention)}; angles={other} and others change that")
     require_choice("angles", convention, CONVENTIONS)
-    largest = float(np.linalg.norm(found, axis=1).max())
     if radians is None:
-        if convention != "rotvec" or not largest < 2.02 * np.pi:
+        if convention != "rotvec" or not float(np.linalg.norm(found, axis=1).max()) < 2.02 * np.pi:
             raise AsperityError(
                 f"{path}: are {names} in degrees or radians? Nothing states it; valid: "
                 "angle_unit='deg' or 'rad', `roll [deg]` as a name, or quaternions (qw, qx, qy, qz)"
             )
         radians = 1.0
         notes.append("angles in rad; angle_unit='deg' changes that")
-    elif not degrees and radians * np.abs(found).max() > 4.0 * np.pi:
-        notes.append(f"are the angles in rad? They reach {np.abs(found).max():.4g}; angle_unit=")
+    elif not degrees and radians * largest > 4.0 * np.pi:
+        notes.append(f"are the angles in rad? They reach {largest:.4g}; angle_unit='deg' if not")
     found = radians * found
     if not np.isfinite(found).all():
         row = int(np.argmin(np.isfinite(found).all(axis=1)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -116,6 +116,8 @@ class Trajectory:
         Origin of each row, for error messages; by default the number of the row, from 0.
     notes : tuple of str
         Choices, conversions and doubts on the way here, to be shown to the user.
+    checked : bool
+        Whether `poses` are finite, of unit quaternions, C-ordered and nobody else's.
     """
 
     times: Array
@@ -123,8 +125,9 @@ class Trajectory:
     name: str = "trajectory"
     origins: Sequence[str] = field(default=(), repr=False)
     notes: tuple[str, ...] = field(default=(), repr=False)
+    checked: InitVar[bool] = False
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, checked: bool) -> None:
         times = np.atleast_1d(np.asarray(self.times, dtype=np.float64))
         poses = np.atleast_2d(np.asarray(self.poses, dtype=np.float64))
         if times.ndim != 1 or poses.shape != (times.size, 7) or times.size == 0:
@@ -142,6 +145,12 @@ class Trajectory:
                 f"{self.name}, {self._row(row)}: times must increase, {times[row]:g} s comes "
                 f"after {times[row - 1]:g} s"
             )
+        poses = poses if checked else self._normalised(poses)
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "poses", poses)
+
+    def _normalised(self, poses: Array) -> Array:
+        """Return a copy of poses with unit quaternions; raise `AsperityError` if one is off."""
         poses = np.array(poses, order="C")
         with np.errstate(over="ignore", invalid="ignore"):
             norms = row_lengths(poses[:, 3:])
@@ -154,8 +163,7 @@ class Trajectory:
             require_pose(poses[row], f"{self.name}, {self._row(row)}")
         for column in poses.T[3:]:
             column /= norms
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "poses", poses)
+        return poses
 
     def _row(self, row: int) -> str:
         return self.origins[row] if self.origins else f"row {row}"

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from asperity._core.arrays import Array, row_lengths
+from asperity._core.arrays import Array
 from asperity._core.text_table import TextTable, read_text_table
 from asperity._core.units import ANGLES, LENGTHS, TIMES
 from asperity._core.unpacking import suffix_of
@@ -19,30 +20,30 @@ from asperity.errors import AsperityError, require_choice, require_positive
 from asperity.scene.clock_times import exact_times, in_seconds
 from asperity.scene.pose_arrays import array_columns
 from asperity.scene.pose_columns import COLUMNS, MATRICES, ORDERS, Layout, layout_in_order
-from asperity.scene.pose_doubts import pose_doubts
+from asperity.scene.pose_doubts import ROUNDED, note_rounded, pose_doubts, unit_poses
 from asperity.scene.pose_flags import lost_poses
 from asperity.scene.pose_json import JSON_FILES, json_table
 from asperity.scene.pose_names import (
+    ROS2,
+    are_ros2,
     frame_rate,
     named_columns,
     named_layout,
+    of_the_world,
     require_one_body,
 )
+from asperity.scene.pose_times import EPOCH, since_the_first, unit_of
 from asperity.scene.pose_turns import CONVENTIONS, are_blocks, in_quaternions, matrix_layout
+from asperity.scene.pose_yaml import is_messages, yaml_table
 from asperity.scene.trajectory import Trajectory
 
-ROUNDED = 0.02
-"""Largest deviation of a quaternion's norm from 1 that is taken for rounding."""
 UNITS, TIME_UNITS = ("m", "cm", "mm", "um", "nm", "in"), ("s", "ms", "us", "ns")
-_EXACT = 1e-6
-_EPOCH = 1e8
-"""Times beyond it are since an epoch, in s, ms, us or ns by their size."""
-_BY_SIZE = (
-    (1e11, 1.0, ""), (1e14, 1e-3, "ms"), (1e17, 1e-6, "us"), (9e17, 1e-7, "100 ns (ticks)"),
-    (np.inf, 1e-9, "ns"),
-)  # fmt: skip
-"""Units of times since an epoch: seconds since 1970 have 10 digits until 2286, the ticks of .NET
-and Windows, since the years 1 and 1601, 18 digits, nanoseconds 19 since 2001."""
+_ROS = "a log of ROS; `rostopic echo -p TOPIC`, `ros2 topic echo --csv TOPIC` write it as text"
+_NOT_READ = {
+    ".bvh": "joints of a skeleton", ".c3d": "markers", ".trc": "markers", ".fbx": "an animation",
+    ".bag": _ROS, ".db3": _ROS, ".mcap": _ROS,
+}  # fmt: skip
+"""What other files hold that are met among those of poses."""
 _LENGTH_WORD = re.compile(
     r"(?<![A-Za-z_])(mm|cm|µm|um|(?i:(?:milli|centi|micro)met\w+|inch\w*))(?![A-Za-z])"
 )
@@ -132,10 +133,16 @@ def read_poses(
         The file does not exist, cannot be read, or holds invalid poses or times.
     """
     path = Path(path)
-    if not path.exists():
-        raise AsperityError(f"no such file of poses: {path}")
-    if path.is_dir():
-        raise AsperityError(f"{path} is a folder; give a file of poses (.csv, .json, .npy, .npz)")
+    if not path.is_file():
+        if path.is_dir():
+            valid = "give a file of poses (.csv, .json, .npy, .npz)"
+            raise AsperityError(f"{path} is a folder; {valid}")
+        if not path.exists():
+            raise AsperityError(f"no such file of poses: {path}")
+    if what := _NOT_READ.get(path.suffix.lower()):
+        raise AsperityError(
+            f"{path}: it holds {what}; valid: poses of one body (.csv, .json, .npy)"
+        )
     lengths = None if unit is None else LENGTHS[require_choice("unit", unit, UNITS)]
     times = None if time_unit is None else TIMES[require_choice("time_unit", time_unit, TIME_UNITS)]
     if angles is not None:
@@ -150,59 +157,17 @@ def read_poses(
     values, turned = in_quaternions(path, table.values, table.layout, angles, angle_unit)
     notes = [*table.notes, *turned]
     poses = values[:, 1:]
-    length = _unit(lengths, table.layout.unit, "x, y, z", "unit", LENGTHS, notes)
+    length = unit_of(lengths, table.layout.unit, "x, y, z", "unit", LENGTHS, notes)
     if length != 1.0:
         poses[:, :3] *= length
-    seconds = _seconds(table, times, notes)
-    _normalise(poses, notes)
+    seconds = since_the_first(table.values[:, 0], table.start, table.layout.time_unit, times, notes)
+    unit_quaternions, found = unit_poses(seconds, poses)
+    note_rounded(poses, unit_quaternions, found, notes)
+    checked = found.off < ROUNDED and math.isfinite(found.far)
+    poses = unit_quaternions if checked else poses
     known = table.named or table.layout.turn != "quaternion"
-    notes += pose_doubts(seconds, poses, known)
-    return Trajectory(seconds, poses, path.name, table.origins, tuple(notes))
-
-
-def _unit(
-    given: float | None, stated: float | None, what: str, option: str, units: dict[str, float],
-    notes: list[str],
-) -> float:  # fmt: skip
-    """Return the unit of some columns, given or stated by their names, and note it."""
-    names = {value: name for name, value in reversed(units.items())}
-    if given is not None and stated is not None and given != stated:
-        notes.append(f"{what} in {names[given]}, as given; the file states {names[stated]}")
-    elif given is None and stated not in (None, 1.0):
-        notes.append(f"{what} in {names[stated]}, as the file states")
-    return given or stated or 1.0
-
-
-def _seconds(table: _Table, given: float | None, notes: list[str]) -> Array:
-    """Return the times [s]; of times since an epoch, those since the first."""
-    times = table.values[:, 0]
-    first = table.start + (float(times[0]) if times.size and np.isfinite(times[0]) else 0.0)
-    stated = table.layout.time_unit
-    if given is None and abs(first) > _EPOCH and (stated in (None, 1.0)):
-        scale, word = next((s, w) for most, s, w in _BY_SIZE if abs(first) <= most)
-        notes += [f"times in {word}, by their size"] if word else []
-    else:
-        scale = _unit(given, stated, "times", "time_unit", TIMES, notes)
-    if abs(first) > _EPOCH:
-        notes.append("times are since an epoch; the first is 0")
-        times = times - times[0]
-    return times * scale
-
-
-def _normalise(poses: Array, notes: list[str]) -> None:
-    """Normalise quaternions whose norm rounding has changed, in place; others are left."""
-    norms = row_lengths(poses[:, 3:])
-    with np.errstate(invalid="ignore"):
-        off = np.abs(norms - 1.0)
-        if off.max(initial=0.0) <= _EXACT:
-            return
-        rounded = (off > _EXACT) & (off < ROUNDED)
-    if rounded.any():
-        poses[rounded, 3:] /= norms[rounded, None]
-        notes.append(
-            f"{np.count_nonzero(rounded)} of {len(poses)} quaternions are rounded, their norm off "
-            f"1 by up to {off[rounded].max():.2g}: normalised"
-        )
+    notes += pose_doubts(seconds, poses, known, found)
+    return Trajectory(seconds, poses, path.name, table.origins, tuple(notes), checked)
 
 
 def _no_names(path: Path, order: str | None, values: Array) -> tuple[Layout, tuple[str, ...]]:
@@ -291,18 +256,24 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
     said: tuple[str, ...] = ()
     if suffix_of(path, JSON_FILES) in JSON_FILES:
         read, said = json_table(path)
+    elif path.suffix.lower() not in (".csv", ".tum") and is_messages(path):
+        read, said = yaml_table(path)
     else:
         read = read_text_table(path, texts=True)
     text, note = in_seconds(read)
     rows = text.rows_at()
     names = text.names
-    notes: tuple[str, ...] = ()
+    notes = of_the_world(path, text.header, names or ())
     shown = ""
+    if names is None and order is None and are_ros2(text):
+        names, notes = ROS2, (f"no names of columns: taken as {', '.join(ROS2)}, as of ROS 2",)
+        text = replace(text, header=("\t".join(ROS2),))
     if names is None:
         values = text.values()
         if order in (None, "matrix") and are_blocks(values):
             values, rows = values.reshape(-1, 16), rows[::4]
-        layout, notes = _no_names(path, order, values)
+        layout, said_of = _no_names(path, order, values)
+        notes = (*notes, *said_of)
     else:
         layout = _named(path, text, names, order, rate)
         if layout.left_out and order is None:
@@ -311,9 +282,12 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
         shown = f" among {fullest[:70]}"
         if order is not None:
             known = ", ".join(names)[:90]
-            notes = (f"columns in the order {order}, as given; their names: {known}",)
+            notes = (
+                *notes,
+                f"columns in the order {order}, as given; their names: {known}",
+            )
         elif layout.left_out:
-            notes = (f"columns left out: {', '.join(layout.left_out)[:120]}",)
+            notes = (*notes, f"columns left out: {', '.join(layout.left_out)[:120]}")
         values = text.values([at for at in layout.places if at >= 0])
     notes = (*said, *notes, note) if note else (*said, *notes)
     layout = _units_above(text, layout)
@@ -325,7 +299,7 @@ def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
     if lost is not None and len(lost) == len(values):
         values[lost, 1:], notes = np.nan, (*notes, why)
     start = 0.0
-    if layout.places[0] >= 0 and np.abs(values[:1, 0]).max() > _EPOCH:
+    if layout.places[0] >= 0 and np.abs(values[:1, 0]).max() > EPOCH:
         start, values[:, 0] = exact_times(text.complete(), layout.places[0], values[:, 0])
     if layout.nanoseconds is not None:
         values[:, 0] += 1e-9 * text.values([layout.nanoseconds])[:, 0]

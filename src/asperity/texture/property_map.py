@@ -123,7 +123,7 @@ class PropertyMap(SampledMap):
         # Here, so that an edit of a reader leaves the machine code of kernels valid.
         from asperity.texture.files.arrays import ARRAY_SUFFIXES
         from asperity.texture.files.images import IMAGE_SUFFIXES
-        from asperity.texture.files.reading import PACKED, TEXT_SUFFIXES, load_stored
+        from asperity.texture.files.loading import PACKED, TEXT_SUFFIXES, load_stored
 
         suffix = suffix_of(path, PACKED)
         if suffix not in (*IMAGE_SUFFIXES, *ARRAY_SUFFIXES):

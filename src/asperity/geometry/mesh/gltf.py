@@ -206,7 +206,7 @@ class _Reader(GltfFile):
         wraps = [sampler.get(key, _REPEAT) for key in ("wrapS", "wrapT")]
         border = _BORDERS.get(wraps[0], "other") if wraps[0] == wraps[1] else "other"
         if "bufferView" in image:
-            data = self.view(image["bufferView"])[0]
+            data = bytes(self.view(image["bufferView"])[0])
         elif str(image.get("uri", "")).startswith("data:"):
             data = self.data(image["uri"])
         elif "uri" in image:
@@ -217,7 +217,7 @@ class _Reader(GltfFile):
             return None
         suffix = next((s for magic, s in _KINDS.items() if data.startswith(magic)), ".png")
         name = Path(str(image.get("name") or f"image{source}")).stem + suffix
-        return MapImage(None, name, bytes(data), scale=scale, border=border)
+        return MapImage(None, name, data, scale=scale, border=border)
 
     def _texture_info(self, material: Any) -> dict[str, Any]:
         """Return the texture info of a material that lays its texture: of normals, else colours."""

@@ -39,7 +39,7 @@ class GltfFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         data = content_of(path)
-        self.chunk: bytes | None = None
+        self.chunk: memoryview | None = None
         text = self._json_of_glb(data) if data[:4] == b"glTF" else data
         try:
             tree = json.loads(text_of(text))
@@ -49,7 +49,7 @@ class GltfFile:
             raise self.refused("its JSON is no table")
         self.tree: dict[str, Any] = tree
         self.notes: list[str] = []
-        self.buffers: dict[int, bytes] = {}
+        self.buffers: dict[int, bytes | memoryview] = {}
         self._check_version_and_extensions()
 
     def refused(self, reason: str) -> AsperityError:
@@ -75,7 +75,7 @@ class GltfFile:
             if kind == b"JSON" and text is None:
                 text = data[at + 8 : at + 8 + length]
             elif kind == b"BIN\0" and self.chunk is None:
-                self.chunk = data[at + 8 : at + 8 + length]
+                self.chunk = memoryview(data)[at + 8 : at + 8 + length]
             at += 8 + length
         if text is None:
             raise self.refused("it has no JSON in it")
@@ -180,7 +180,7 @@ class GltfFile:
         strides = (stride, dtype.itemsize)
         return np.ndarray((count, width), dtype, data, offset, strides)
 
-    def view(self, number: Any) -> tuple[bytes, int]:
+    def view(self, number: Any) -> tuple[memoryview, int]:
         """Return the bytes of a view and its stride, 0 if it gives none."""
         view = self.item("bufferViews", number)
         if set(view.get("extensions", {})) & set(COMPRESSED) and "uri" not in self.item(
@@ -197,9 +197,9 @@ class GltfFile:
                 f"bufferViews[{number}] ends at byte {start + length}, its buffer at {len(whole)}: "
                 "it is cut short"
             )
-        return whole[start : start + length], view.get("byteStride", 0)
+        return memoryview(whole)[start : start + length], view.get("byteStride", 0)
 
-    def _buffer(self, number: Any) -> bytes:
+    def _buffer(self, number: Any) -> bytes | memoryview:
         if number not in self.buffers:
             buffer = self.item("buffers", number)
             if "uri" in buffer:

@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,8 +158,9 @@ def _read(path: Path) -> _Picture:
         return _read_exr(path)
     with path.open("rb") as file:
         head = file.read(33)
-    if head.startswith(_TIFF):  # whatever its name states
-        return _read_tiff(path)
+        if head.startswith(_TIFF):  # whatever its name states
+            file.seek(0)
+            return _read_tiff(path, file)
     if head.startswith(b"\x89PNG") and len(head) == 33:
         columns, rows, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", head[16:29])
         if depth == 16 and colour in _PNG_COLOURS:
@@ -255,20 +256,20 @@ def _orientation(image: Any) -> int:
         return 1
 
 
-def _read_tiff(path: Path) -> _Picture:
-    with _open_tiff(path) as file:
+def _read_tiff(path: Path, opened: BinaryIO) -> _Picture:
+    with _open_tiff(opened) as file:
         return _tiff_page(path, file)._replace(preview=_PARK in file.pages[0].tags)
 
 
 @contextmanager
-def _open_tiff(path: Path) -> Iterator[Any]:
+def _open_tiff(opened: BinaryIO) -> Iterator[Any]:
     import tifffile
 
     log = logging.getLogger("tifffile")
     was, log.disabled = log.disabled, True  # of what it cannot parse; asperity parses that itself
     try:
         # Of a path it would first look for links, which takes as long as opening it.
-        with path.open("rb") as opened, tifffile.TiffFile(opened) as file:
+        with tifffile.TiffFile(opened) as file:
             yield file
     finally:
         log.disabled = was

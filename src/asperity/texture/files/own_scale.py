@@ -9,7 +9,7 @@ from typing import NamedTuple
 from asperity._core.files import reading
 from asperity.errors import AsperityError
 from asperity.texture.files.images import IMAGE_SUFFIXES, PreviewOnlyError, picture_scale
-from asperity.texture.files.reading import load_stored
+from asperity.texture.files.loading import load_and_keep
 
 
 class OwnScale(NamedTuple):
@@ -52,7 +52,7 @@ def _own_scale(path: Path, array: str | None, stamp: object) -> OwnScale | None:
             except PreviewOnlyError:
                 pass
     try:
-        stored = load_stored(path, array)
+        stored = load_and_keep(path, array)
     except AsperityError:  # it is refused when it is read as a texture
         return None
     if stored.values.ndim != 2:

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,40 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Mask
-from asperity._core.files import reading
-from asperity._core.text_form import decoded
 from asperity._core.units import SHORT
-from asperity._core.unpacking import content_of, suffix_of
-from asperity.errors import SurfaceError, require_choice
-from asperity.texture.files.arrays import ARRAY_SUFFIXES, load_npy, load_npz
+from asperity.errors import require_choice
 from asperity.texture.files.checks import PIXEL_SIZES
 from asperity.texture.files.colours import COLOURS
 from asperity.texture.files.doubts import depth_doubt, doubts, sentinel_note
-from asperity.texture.files.gwyddion_field import load_field
-from asperity.texture.files.images import (
-    IMAGE_SUFFIXES,
-    PreviewOnlyError,
-    read_image,
-)
-from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES, load_instrument
 from asperity.texture.files.levels import smooth_levels
-from asperity.texture.files.nanonis import load_scan
+from asperity.texture.files.loading import load_stored
 from asperity.texture.files.stored import NO_UNIT, Stored, check_size, refuse
-from asperity.texture.files.surfer import load_grid
-from asperity.texture.files.text import load_text
 
-TEXT_SUFFIXES = ARRAY_SUFFIXES[2:]
-_EITHER = (".asc", ".dat", ".xyz")
-"""Suffixes of text and of instruments' files."""
 _NEVER = 1e30
 """Programs write larger numbers only for what is missing."""
-PACKED = (".npy", *TEXT_SUFFIXES, *_EITHER)
-"""Suffixes that may have `.gz` behind them."""
-_KNOWN = (
-    f"an image ({', '.join(IMAGE_SUFFIXES)}); an array or text "
-    f"({', '.join(ARRAY_SUFFIXES)}); an instrument's file (.x3p, .sdf, .sur, "
-    ".gwy, .tmd and others)"
-)
 
 
 class Heights(NamedTuple):
@@ -137,7 +113,9 @@ def read_heights(
         A file that is missing, empty, damaged, of unknown kind, larger than 2**27 samples, or
         without a scale; one line that names the file and what is valid.
     """
-    path = Path(os.path.expanduser(path))
+    path = Path(path)
+    if path.parts[:1] and path.parts[0].startswith("~"):
+        path = Path(os.path.expanduser(path))
     require_choice("missing", missing, ("refuse", "fill"))
     require_choice("quantised", quantised, ("smooth", "keep"))
     if colour is not None:
@@ -213,11 +191,12 @@ def _scaled(
 def _lengths(path: Path, name: str, value: Any) -> tuple[float, float]:
     """Return a length, or a pair of them, as a pair, or refuse it."""
     try:
-        pair = [float(v) for v in (value if np.ndim(value) else (value, value))]
+        alone = isinstance(value, float) or np.ndim(value) == 0
+        pair = [float(v) for v in ((value, value) if alone else value)]
         good = len(pair) == 2 and all(math.isfinite(v) and v > 0.0 for v in pair)
     except (TypeError, ValueError):
         good = False
-    if not good or (name == "height_range" and np.ndim(value)):
+    if not good or (name == "height_range" and not alone):
         refuse(path, f"{name} must be a finite number above 0 [m], got {value!r}")
     return pair[0], pair[1]
 
@@ -248,49 +227,6 @@ def _as_given(stored: Stored, given: tuple[float, float]) -> Stored:
     return stored
 
 
-def load_stored(
-    path: Path,
-    array: str | None = None,
-    colour: str | None = None,
-    pixels: tuple[float, float] | None = None,
-) -> Stored:
-    """Return the contents of the file at `path`, whatever its format; see `read_heights`."""
-    suffix = suffix_of(path, PACKED)
-    if array is not None and suffix != ".npz":
-        refuse(path, "array= chooses among the arrays of an .npz file; leave it out")
-    if colour is not None and suffix not in IMAGE_SUFFIXES:
-        refuse(path, "colour= states what the colours of an image mean; leave it out")
-    known = [*_LOADERS]
-    with reading(path, "heights", known, valid=_KNOWN, packed=PACKED, error=SurfaceError):
-        load = _LOADERS[suffix]
-        if suffix == ".npz":
-            load = partial(load_npz, array=array)
-        elif suffix in IMAGE_SUFFIXES:
-            load = partial(read_image, colour=colour)
-        elif suffix in TEXT_SUFFIXES or (suffix in _EITHER and _is_text(path)):
-            load = partial(load_text, pixel_size=pixels[0] if pixels else None)
-        try:
-            return load(path)
-        except PreviewOnlyError:
-            return load_instrument(path)
-
-
-def _is_text(path: Path) -> bool:
-    return decoded(content_of(path, 4096)) is not None
-
-
-_LOADERS: dict[str, Callable[[Path], Stored]] = {
-    **dict.fromkeys(INSTRUMENT_SUFFIXES, load_instrument),
-    **dict.fromkeys(IMAGE_SUFFIXES, read_image),
-    ".npy": load_npy,
-    ".npz": load_npz,
-    **dict.fromkeys(TEXT_SUFFIXES, load_text),
-    ".grd": load_grid,
-    ".sxm": load_scan,
-    ".gsf": load_field,
-}
-
-
 def _shaped(path: Path, stored: NDArray[Any]) -> tuple[Array, float, float]:
     """Return stored values as floats, copied if they must be, and their extremes.
 
@@ -302,10 +238,10 @@ def _shaped(path: Path, stored: NDArray[Any]) -> tuple[Array, float, float]:
     source = np.squeeze(stored)
     if source.size < 2:
         refuse(path, f"heights need 2 samples or more along each axis, got {stored.shape}")
-    values = np.asarray(source, dtype=np.float64, order="C")
     # Extremes are those of the fewer bytes of another type, gone through as they lie.
     stored = source[::-1] if source.strides[0] < 0 else source
-    return values, float(stored.min()), float(stored.max())
+    low, high = float(stored.min()), float(stored.max())
+    return np.asarray(source, dtype=np.float64, order="C"), low, high
 
 
 def _pixel_size(

@@ -69,6 +69,7 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
         refuse(path, "two columns of whole numbers, or decimal commas? valid: decimal points, or "
                "place and height with a line of names above")  # fmt: skip
     columns = _columns(path, values, names)
+    header = header.of(values if columns is None else values[:, columns[-1]])
     if columns is not None:
         stored = _from_columns(path, values, names, columns, pixel_size, header)
     else:

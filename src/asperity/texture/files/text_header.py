@@ -13,6 +13,9 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+import numpy as np
+
+from asperity._core.arrays import Array
 from asperity._core.text_form import is_heading, is_number
 from asperity._core.units import LENGTHS, length_of, named_unit
 
@@ -69,6 +72,18 @@ _ELSEWHERE = re.compile(
     r"|thickness|noise|objective|\b[sprw][apqvzt]\b"
 )
 """Words of labels of lengths that are no size of the map."""
+_FACTOR = re.compile(
+    r"(?:(?:z|heights?|data|values?|vertical|höhen?|hauteur)?[ _-]*(?:scal(?:e|ing)|conversion|"
+    r"multiplication|skalierungs?|umrechnungs?)?[ _-]*(?:factor|faktor|multiplier))|facteur.*|lsb"
+)
+_FACTOR_PERHAPS = re.compile(
+    r"(?:z|heights?|data|values?|vertical)[ _-]*(?:scal(?:e|ing)|resolution|calibration|conversion"
+    r"|lsb)|scale|scaling"
+)
+"""Labels of a factor of the heights, and of what may be one."""
+_COUNT = re.compile(r"lsb|counts?|bits?|digits?|levels?|adu|dn|inc(?:rement)?s?|units?")
+"""What a factor is per."""
+_PER_COUNT = re.compile(r"[\[(]\s*([^\W\d]+)\s*/\s*([^\W\d]+)\s*[\])]")
 _WHOLE = frozenset(
     ("size", "image size", "map size", "scan area", "area", "dimensions", "field of view", "fov")
 )
@@ -89,6 +104,11 @@ _NO_LENGTHS = frozenset(
 _SAMPLE = re.compile(r"p(?:i?x|oint|ts?\b)|sample|step|bildpunkt|punkt", re.IGNORECASE)
 """What a length may be per, and still is one: `10 µm/px`."""
 _UNIT_BEHIND = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\W*$")
+_OF_A_NUMBER = re.compile(
+    r"(?:[:=\t,]\s*[-+\d.e]+\s*[\[(]?[^\W\d]+[\])]?|\s[-+\d.]+\s*[^\W\d]+)\s*$"
+)
+"""A unit at a line's end that is of the number before it."""
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _AXIS = re.compile(r"(?<![a-zß-ɏ])([xy])(?![a-zß-ɏ])")
 """The axis in a label: with a word of `_STEP` it is that of a pixel."""
 _COUNTS = {"ncols": 1, "nrows": 0, "x-pixels": 1, "y-pixels": 0}
@@ -121,6 +141,36 @@ class Header(NamedTuple):
     """Rows and columns."""
     follows: bool = False
     """Whether the pixel is in the unit of the heights, which is not said."""
+    factor: Factor | None = None
+
+    def of(self, values: Array) -> Header:
+        """Return the header with its factor in the unit of these heights, or doubted."""
+        if self.factor is None:
+            return self
+        label, number, metres, word, sure = self.factor
+        whole = bool((values == np.round(values))[np.isfinite(values)].all())
+        if not (whole or sure):
+            return self
+        if not (whole and sure):
+            kind = "whole numbers" if whole else "no whole numbers"
+            doubt = f"is {label!r}, {number:g}, a factor of the heights? They are {kind}, and read"
+            note = f"{doubt} without it: unit= or height_range= gives another scale"
+            return self._replace(notes=(*self.notes, note))
+        unit, scale = (word, metres) if metres else (self.unit or "m", self.scale or 1.0)
+        return self._replace(unit=f"{number:g} {unit}", scale=number * scale)
+
+
+class Factor(NamedTuple):
+    """A factor of the heights that a header states."""
+
+    label: str
+    number: float
+    metres: float | None
+    """In its unit; None without one."""
+    word: str
+    """Its unit as written."""
+    sure: bool
+    """Whether it can be nothing else."""
 
 
 def read_header(
@@ -136,7 +186,7 @@ def read_header(
     shape : (rows, columns)
         Of the numbers.
     """
-    found, lengths, units = _findings(lines)
+    found, lengths, units, factor = _findings(lines)
     notes: list[str] = []
     width, height = found.get("width"), found.get("height")
     if (width is None) != (height is None) and "pixel" not in found and len(lengths) == 2:
@@ -171,14 +221,17 @@ def read_header(
         width, height, None if pair[0] is None else pair, unit, scale, found.get("nodata"),  # type: ignore[arg-type]
         {"width", "height"} <= {*found} or len(lengths) == 2 or "grid" in found, tuple(notes),
         (int(found["rows"]), int(found["columns"])) if {"rows", "columns"} <= {*found} else None,
-        "follows" in found and scale is None,
+        "follows" in found and scale is None, factor,
     )  # fmt: skip
 
 
 def _findings(
     lines: Sequence[str],
-) -> tuple[dict[str, float], list[tuple[str, float]], tuple[str, float | None] | None]:
-    """Return values by meaning [m], lengths by label, and the unit of the values."""
+) -> tuple[
+    dict[str, float], list[tuple[str, float]], tuple[str, float | None] | None, Factor | None
+]:
+    """Return values by meaning [m], lengths by label, the unit of the values, and their factor."""
+    factor = None
     found: dict[str, float] = {}
     lengths: list[tuple[str, float]] = []
     bare_sizes: dict[str, float] = {}
@@ -187,7 +240,9 @@ def _findings(
         bare = " ".join(re.sub(r"\[.*?\]|(?<!-> m)\(.*?\)$", "", label.casefold()).split())
         named = named_unit(label, LENGTHS)
         plain = bare.removesuffix(named[0].casefold() if named else "").replace("_", " ").strip()
-        meaning = next(filter(None, map(_MEANING.get, (label.casefold(), bare, plain))), None)
+        spaced = _CAMEL.sub(" ", label).casefold().replace("-", " ")
+        known = (label.casefold(), bare, plain, plain.replace("-", " "), spaced)
+        meaning = next(filter(None, map(_MEANING.get, known)), None)
         two = _two_lengths(label, text) if meaning in ("width", "pixel") or bare in _WHOLE else None
         if two is not None:
             keys = ("pixel_x", "pixel_y") if meaning == "pixel" else ("width", "height")
@@ -195,14 +250,23 @@ def _findings(
             continue
         value = _VALUE.fullmatch(text)
         if value is None:
-            if meaning == "unit" or (meaning is None and units is None and length_of(text)):
+            other = meaning is None and units is None and not _AXIS.search(bare)
+            if meaning == "unit" or (other and length_of(text)):
                 units = (text.strip("[]() "), length_of(text.strip("[]() ")))
             continue
         number = float(value.group(1).replace(",", "."))
         word, _, each = (value.group(2) or "").strip("[]() ").partition("/")
+        if per := _PER_COUNT.search(label):
+            word, each = per.groups()
+        metres = length_of(word) if word else (named[1] if named else None)
+        sure = _FACTOR.fullmatch(plain) is not None
+        if meaning is None and (sure or _FACTOR_PERHAPS.fullmatch(plain)):
+            sure = sure or _COUNT.fullmatch(each.strip().casefold()) is not None
+            word = word or (named[0] if named else "")
+            factor = Factor(label, number, metres, word, sure) if number not in (0, 1) else None
+            continue
         if each and not _SAMPLE.match(each.strip()):
             continue  # a speed
-        metres = length_of(word) if word else (named[1] if named else None)
         if meaning == "unit" and metres is not None:
             units = (text, number * metres)
             continue
@@ -213,6 +277,9 @@ def _findings(
         axes = {*_AXIS.findall(bare)}
         if meaning is None and metres is not None and _STEP.search(bare) and len(axes) == 1:
             meaning = f"pixel_{axes.pop()}"
+        elif meaning is None and metres is not None and each and not axes:
+            upwards = "z" in bare.split() or _ELSEWHERE.search(bare)
+            meaning = None if upwards else "pixel"  # a length per sample
         if meaning in ("nodata", "factor"):
             found[meaning] = number
         elif meaning == "bit":  # SPIP: lengths without a unit are nm
@@ -230,7 +297,7 @@ def _findings(
                 found.setdefault(meaning, number * metres)
         elif meaning in ("width", "height"):
             bare_sizes[meaning] = number
-    return found, lengths, units
+    return found, lengths, units, factor
 
 
 def _two_lengths(label: str, text: str) -> tuple[float, float] | None:
@@ -266,7 +333,7 @@ def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def _heading(lines: Sequence[str], names: Sequence[str] | None) -> tuple[str | None, float | None]:
     """Return the unit in the heading of a matrix: in the last line, or one for all columns."""
-    named = named_unit(lines[-1], LENGTHS)
+    named = None if _OF_A_NUMBER.search(lines[-1]) else named_unit(lines[-1], LENGTHS)
     if named is None and names:
         units = {named_unit(name, LENGTHS) for name in names}
         named = units.pop() if len(units) == 1 else None
