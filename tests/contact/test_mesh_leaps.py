@@ -8,9 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.texture.height_field import HeightField
+from contact.naive_bodies import AT_REST, UP
 from contact.naive_meshes import STIFFNESS, ball_mesh, block, blocks, brick, engine_of, thing
 from contact.test_cavities import SHAPES
 from contact.test_mesh_potential import anywhere, first_pose, gradient_error
+from oracle.depth import reference_depth
 
 
 def length(engine, at):
@@ -113,3 +115,20 @@ def test_the_way_out_is_not_much_longer_than_the_way_in(shape, bar, seed):
         low, high = (middle, high) if at(middle) > 0.0 else (low, middle)
     for depth in (1e-4, 3e-4, 6e-4, 9e-4, 1e-3)[: 5 - (bar == "thick")]:
         assert 0.1 * depth < at(low - depth) < 1.2 * depth
+
+
+def test_crossing_edges_are_as_deep_as_a_plain_search_finds():
+    """Facets that face the way out, but not each other, were left out: 7 um of 93 were missing."""
+    x = np.arange(128) * 5e-5
+    heights = 4e-5 * np.sin(2 * np.pi * x / 1.6e-3)[None]
+    heights = heights + 2e-5 * np.sin(2 * np.pi * x / 2.3e-3 + 0.5)[:, None]
+    texture, bar = HeightField(heights, pixel_size=5e-5), block((8e-3, 2e-3, 2e-3))
+    upright = Rotation.from_euler("x", 45, degrees=True).apply(np.array(bar.vertices))
+    edge = mesh_from_arrays(upright, bar.faces, hard_angle=20.0)
+    tool, plate = (
+        thing(name, edge, texture=texture, mapping="triplanar") for name in ("tool", "plate")
+    )
+    turn = Rotation.from_euler("z", 6, degrees=True)
+    at = np.array([3e-4, 2e-4, 4e-3 * math.sqrt(2) - 1e-4, *np.roll(turn.as_quat(), 1)])
+    wanted = reference_depth(tool.body, at, plate.body, AT_REST, UP, samples=120, zooms=5).depth
+    assert length(engine_of(tool, plate), at) == pytest.approx(wanted, rel=1e-6)

@@ -20,8 +20,8 @@ from asperity.contact.broad_phase.facet_bvh import FacetTable
 from asperity.contact.narrow_phase.steep_plane import STEEPEST
 
 MAX_FACET_PAIRS = 32768
-_FLATTEST = 0.01
-"""Smallest cosine to n of facets of two convex bodies."""
+LEAST_COSINE = 0.01
+"""Smallest cosine to n, and to each other, of facets that overlap."""
 STACK = 512
 """Maximum number of pairs of boxes on the stack of a traversal."""
 _UNLIMITED = np.int64(1) << 40
@@ -131,13 +131,16 @@ def flattest(table: FacetTable, a, b):
     Facets of convex bodies may be steep: the tip of a needle has no others. In a cavity a steep
     facet may be behind the opposite wall.
     """
-    return _FLATTEST if are_convex(table, a, b) else STEEPEST
+    return LEAST_COSINE if are_convex(table, a, b) else STEEPEST
 
 
 @small_kernel
 def least_cosine(table: FacetTable, a, b):
-    """Return the least cosine between facets of two bodies that are listed."""
-    return min(flattest(table, a, b), STEEPEST)
+    """Return the least cosine between facets of two bodies that are listed.
+
+    Round edges and corners of convex bodies facets are searched that face n, but not each other.
+    """
+    return -1.0 if are_convex(table, a, b) else STEEPEST
 
 
 @inner_kernel

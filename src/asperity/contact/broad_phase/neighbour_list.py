@@ -26,8 +26,8 @@ from asperity.contact.broad_phase.facet_bvh import FacetTable
 from asperity.contact.broad_phase.facet_pairs import (
     BvhTraversal,
     facing_cosine,
-    flattest,
     largest_displacement,
+    least_cosine,
     overlapping_facet_pairs,
     pair_limits,
     place_facet,
@@ -111,9 +111,10 @@ def _separation(table: FacetTable, f, g, limits, facets):
     if apart > 0.0:
         return apart
     box = table.count_rows[g] == 0
+    turn = 1.0 if facing_cosine(table, f, g, facets) >= 0.0 else -1.0
     for c in range(count):
         after = c + 1 if c + 1 < count else 0
-        out_x, out_y = flat[after, 1] - flat[c, 1], flat[c, 0] - flat[after, 0]
+        out_x, out_y = turn * (flat[after, 1] - flat[c, 1]), turn * (flat[c, 0] - flat[after, 0])
         size = math.sqrt(out_x * out_x + out_y * out_y)
         base = out_x * flat[c, 0] + out_y * flat[c, 1] + size * reach
         if box:
@@ -178,7 +179,7 @@ def _rebuild_inner(table: FacetTable, pose, limits, skin, lists, facets):
     b = pose.row
     inner, outer = lists.inner.state[b], lists.outer.state[b]
     max_depth, reach = limits.max_depth + skin, limits.reach + skin
-    least = flattest(table, pose.first, pose.second)
+    least = least_cosine(table, pose.first, pose.second)
     wide = pair_limits(max_depth, reach, least - skin / pose.size)
     # A pair outside the old limits by some distance may be within the new ones once the motion of
     # the tool and the widening of the limits add up to that distance.
@@ -207,7 +208,7 @@ def _measure_pending(table: FacetTable, pose, first, last, lists, facets):
     """Fill `needed_at` of the pending pairs from `first` to `last`."""
     b = pose.row
     inner, pending = lists.inner.state[b], lists.pending
-    least = flattest(table, pose.first, pose.second)
+    least = least_cosine(table, pose.first, pose.second)
     limits = pair_limits(inner.max_depth, inner.reach, least - inner.skin / pose.size)
     # Triangle inequality: the motion from here to the next rebuild is at most that from here back
     # to the last rebuild plus that from there to the next.
@@ -256,7 +257,7 @@ def _advance_pending(table: FacetTable, pose, limits, skin, lists, facets):
         return
     wide = pair_limits(
         pending.max_depth + moved, pending.reach + moved,
-        flattest(table, pose.first, pose.second) - (pending.skin + moved) / pose.size,
+        least_cosine(table, pose.first, pose.second) - (pending.skin + moved) / pose.size,
     )  # fmt: skip
     visits, before = np.int64(progress.expected_visits / _PENDING_TICKS) + 1, pending.count
     traversal = BvhTraversal(lists.stack[b], progress.stack_size, lists.pending.pairs[b], before)
@@ -278,7 +279,7 @@ def _advance_pending(table: FacetTable, pose, limits, skin, lists, facets):
 def _facing_pairs(table: FacetTable, pose, lists, facets):
     """Fill `facets.pairs` with the facing pairs of the inner list; return their number."""
     b, inner, count = pose.row, lists.inner, np.int64(0)
-    least = flattest(table, pose.first, pose.second)
+    least = least_cosine(table, pose.first, pose.second)
     for i in range(inner.state[b].count):
         f, g = inner.pairs[b, i, 0], inner.pairs[b, i, 1]
         if facets.placed[f].tick != facets.state[0].tick:

@@ -22,7 +22,13 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS, FacetTable
-from asperity.contact.broad_phase.facet_pairs import MAX_FACET_PAIRS, FacetPairs, facet_pairs
+from asperity.contact.broad_phase.facet_pairs import (
+    LEAST_COSINE,
+    MAX_FACET_PAIRS,
+    FacetPairs,
+    facet_pairs,
+    facing_cosine,
+)
 from asperity.contact.manifold.records import MAX_DIRECTIONS, OVERLAP_SUMS
 
 _CORNERS = 24
@@ -134,9 +140,12 @@ def clip_pair(table: FacetTable, f, g, reach, beside, max_depth, region):
 
     Returns the buffer of `region.polygon` with the piece, and its number of corners; its overlap is
     at least `-reach`. There are -1 corners if the facets are more than `beside` apart in g's
-    plane, or their overlap is nowhere between `-reach` and `max_depth`. All in [m].
+    plane, or their overlap is nowhere between `-reach` and `max_depth`. All in [m]. Facets that do
+    not face each other have no piece.
     """
     polygon = region.polygon
+    if facing_cosine(table, f, g, region.facets) < LEAST_COSINE:
+        return np.int64(0), np.int64(0)
     count = _project(table, f, g, region)
     low_x = low_y = low_d = np.inf
     high_x = high_y = high_d = -np.inf
