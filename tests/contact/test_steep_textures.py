@@ -141,7 +141,7 @@ def steep_pose(rng):
     return np.r_[2.8e-3 * n + rng.normal(size=3) * 5e-4, turn], n
 
 
-@pytest.mark.parametrize("seed", [4, 34, 46, 53])
+@pytest.mark.parametrize("seed", [34, 46, 48, 53])
 def test_folds_are_certified_by_their_outermost_sheet(seed):
     """Where the slope alone does not rule out a fold, boxes were divided without end."""
     rng = np.random.default_rng(seed)

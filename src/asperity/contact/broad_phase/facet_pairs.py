@@ -22,6 +22,8 @@ from asperity.contact.narrow_phase.steep_plane import STEEPEST
 MAX_FACET_PAIRS = 32768
 LEAST_COSINE = 0.01
 """Smallest cosine to n, and to each other, of facets that overlap."""
+_LEAST_LISTED = -0.5
+"""Smallest cosine to each other of facets of two convex bodies that are listed."""
 STACK = 512
 """Maximum number of pairs of boxes on the stack of a traversal."""
 _UNLIMITED = np.int64(1) << 40
@@ -140,7 +142,7 @@ def least_cosine(table: FacetTable, a, b):
 
     Round edges and corners of convex bodies facets are searched that face n, but not each other.
     """
-    return -1.0 if are_convex(table, a, b) else STEEPEST
+    return _LEAST_LISTED if are_convex(table, a, b) else STEEPEST
 
 
 @inner_kernel
