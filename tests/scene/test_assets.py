@@ -415,6 +415,14 @@ def test_a_file_of_heights_is_read_once(tmp_path, monkeypatch):
     assert {*whole.notes} <= {*scene.notes}
 
 
+def test_an_option_of_images_is_refused_for_text_that_was_read_for_its_scale(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(",".join(f"{(u * v) % 7}e-6" for u in range(40)) for v in range(30)))
+    texture = {"file": path, "pixel_size": 1e-4, "colour": "luminance"}
+    with pytest.raises(AsperityError, match="colour= states what the colours of an image mean"):
+        asperity.make_scene(tool="sphere:3mm", target="box:9x9x5mm", target_texture=texture)
+
+
 def test_capitals_whole_numbers_and_options_given_twice():
     geom, _ = primitive("Box:20X10X5MM")
     assert geom.size == pytest.approx((0.01, 0.005, 0.0025))

@@ -41,9 +41,8 @@ from asperity._core.shared_compilation import claimed, left_to_others, stop_if_l
 
 TESTED = ("0.68",)
 """Versions of Numba, major and minor, that the libraries were tested with."""
-
-
 _FIRST_LEVEL: dict[str, Any] = {"opt": 1, "loop_vectorize": False, "slp_vectorize": False}
+"""LLVM's first level of optimisation."""
 _MANY = 100
 """Functions of a kernel from which on it is optimised at the first level."""
 

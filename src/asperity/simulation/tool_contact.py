@@ -351,7 +351,7 @@ class ToolContact:
 
     def _waves(self, last: Array, pose: Array) -> float:
         """Return an upper bound on how many of the shortest waves pass the tool in this tick."""
-        if self._last is None or math.isinf(self._wavelength):
+        if math.isinf(self._wavelength):
             return 0.0
         contacts = self.engine.contacts
         return float(self._moved(contacts.count, contacts.point, last, pose) / self._wavelength)

@@ -111,6 +111,7 @@ def _separation(table: FacetTable, f, g, limits, facets):
     if apart > 0.0:
         return apart
     box = table.count_rows[g] == 0
+    # Where the facets do not face each other, the corners are in the other order.
     turn = 1.0 if facing_cosine(table, f, g, facets) >= 0.0 else -1.0
     for c in range(count):
         after = c + 1 if c + 1 < count else 0

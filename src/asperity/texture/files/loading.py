@@ -57,16 +57,16 @@ def load_stored(
 
     They are the caller's to change.
     """
-    waiting = _KEPT.get()
-    kept = waiting.pop((path, array, _stamp(path)), None) if waiting else None
-    # A pixel size is that of a map of points which lie on no grid.
-    if kept is not None and not (pixels and any("no grid" in note for note in kept.notes)):
-        return kept
     suffix = suffix_of(path, PACKED)
     if array is not None and suffix != ".npz":
         refuse(path, "array= chooses among the arrays of an .npz file; leave it out")
     if colour is not None and suffix not in IMAGE_SUFFIXES:
         refuse(path, "colour= states what the colours of an image mean; leave it out")
+    waiting = _KEPT.get()
+    kept = waiting.pop((path, array, _stamp(path)), None) if waiting else None
+    # A pixel size is that of a map of points which lie on no grid.
+    if kept is not None and not (pixels and any("no grid" in note for note in kept.notes)):
+        return kept
     known = [*_LOADERS]
     with reading(path, "heights", known, valid=_KNOWN, packed=PACKED, error=SurfaceError):
         load = _LOADERS[suffix]
