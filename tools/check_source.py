@@ -34,7 +34,7 @@ ALLOWED_WORDS: dict[str, tuple[str, ...]] = {
     "docs/experiments.md": ("asked",),
 }
 """Where such a word is right, by file or folder: participants are asked; a deprecated name."""
-KERNELS = ("kernel", "inner_kernel", "small_kernel")
+KERNELS = ("kernel", "inner_kernel", "small_kernel", "separate_kernel")
 Place = tuple[Path, int, str]
 
 

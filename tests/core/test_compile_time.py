@@ -130,6 +130,68 @@ def test_inner_kernels_come_from_the_cache_for_others_and_their_errors_with_them
     assert told == [["4", error, "0"], ["5", error, "1"], ["5", error, "0"]]
 
 
+SEPARATE = """
+import sys
+import numpy as np
+from asperity._core.kernels import inner_kernel, kernel, separate_kernel
+@separate_kernel
+def half(n):
+    if n % 2:
+        raise ValueError("not even")
+    return n // 2
+@separate_kernel
+def total(values):
+    s = 0.0
+    for v in values:
+        s += v
+    return s + half(values.size)
+@inner_kernel
+def between(values):
+    return 2.0 * total(values)
+"""
+SEPARATE_CALLER = """
+from separate_ones import between, half
+from asperity._core.kernels import kernel
+import numpy as np
+@kernel
+def {name}(values):
+    return between(values) + half(4) + {more}
+"""
+
+
+def test_separate_kernels_are_called_where_they_lie_and_found_again(tmp_path):
+    """By kernels of this process or another, from the cache or without their own part of it."""
+    (tmp_path / "separate_ones.py").write_text(SEPARATE)
+    for name, more in (("first", 1), ("second", 2)):
+        (tmp_path / f"outer_{name}.py").write_text(SEPARATE_CALLER.format(name=name, more=more))
+
+    def run(name):
+        code = (
+            f"from outer_{name} import {name}\nimport separate_ones, numpy as np\n"
+            f"print({name}(np.arange(4.0)))\n"
+            f"try:\n    {name}(np.ones(3))\nexcept ValueError as e:\n    print(e.args)\n"
+            "print(sum(separate_ones.total._cache_hits.values()), "
+            f"sum(separate_ones.total._cache_misses.values()), sum({name}._cache_hits.values()))"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return done.stdout.splitlines()
+
+    error = "('not even',)"
+    assert run("first") == ["19.0", error, "0 1 0"]
+    assert run("second") == ["20.0", error, "1 0 0"]
+    assert run("second") == ["20.0", error, "1 0 1"]
+    # As after a cache that was tidied, or copied in part.
+    removed = [*(tmp_path / "cache").rglob("*.total-*"), *(tmp_path / "cache").rglob("*.half-*")]
+    assert len(removed) > 2
+    for file in removed:
+        file.unlink()
+    assert run("second") == ["20.0", error, "0 1 1"]
+
+
 def test_another_version_of_numba_compiles_with_its_own():
     assert compilers("0.68.9") == (KernelCompiler, InnerCompiler)
     assert compilers("0.99.0") == compilers("0.6") == (Compiler, Compiler)

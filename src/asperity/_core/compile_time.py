@@ -7,6 +7,8 @@ of those called from Python runs. Here
 - an `InnerLibrary` holds a kernel that only other kernels call: code to be linked into those, after
   the passes that simplify single functions;
 - a `KernelLibrary` holds a kernel called from Python, with all functions linked into it as its own;
+- a `SeparateLibrary` holds a large kernel that only kernels call: they call its machine code,
+  which is made once and by another process than theirs, instead of linking a copy;
 - kernels of many functions are optimised at LLVM's first level, which takes half the time of its
   third; their ticks are as fast;
 - a call of the same function with the same types is resolved once a kernel, and a constant among
@@ -21,7 +23,9 @@ the last bits at most, but compilation takes twice as long (docs/design/compile_
 
 from __future__ import annotations
 
+import functools
 import gc
+import importlib
 import logging
 import time
 from collections.abc import Callable
@@ -109,16 +113,36 @@ class KernelLibrary(JITCodeLibrary):
         manager.run(self._final_module, builder)
 
 
+class SeparateLibrary(KernelLibrary):
+    """The code of a kernel that only kernels call, not to be linked into those."""
+
+    _shared_module: Any
+
+    def _get_module_for_linking(self) -> Any:
+        """Return nothing to link: callers have declared the function themselves."""
+        self._ensure_finalized()
+        if self._shared_module is None:
+            self._shared_module = binding.parse_assembly(
+                str(self._codegen._create_empty_module(self.name))
+            )
+        return self._shared_module
+
+
+def _load(module: str, name: str, arguments: Any) -> None:
+    """Make the machine code of a separate kernel available to one that calls it."""
+    getattr(importlib.import_module(module), name).compile(arguments)
+
+
 _WAIT = 0.01
 """Time between two looks at a kernel that another process compiles [s]."""
 _PATIENCE = 60.0
 """A process that has waited this long for others [s], which may be stopped, shares no more."""
 
 
-def _is_kernel(called: Any) -> bool:
-    """Return whether what is called is one of our kernels."""
-    compiler = getattr(called, "_compiler", None)
-    return getattr(compiler, "pipeline_class", None) in (InnerCompiler, KernelCompiler)
+def _is_kernel(called: Any, kind: type[CompilerBase] | None = None) -> bool:
+    """Return whether what is called is one of our kernels, of a kind if one is given."""
+    compiler = getattr(getattr(called, "_compiler", None), "pipeline_class", None)
+    return isinstance(compiler, type) and issubclass(compiler, kind or _Compiler)
 
 
 class _TypingContext:
@@ -136,6 +160,8 @@ class _TypingContext:
         self._attributes: dict[Any, Any] = {}
         self._elsewhere: list[Any] = []
         self._helped: set[Any] = set()
+        self.needed: dict[Any, Callable[[], None]] = {}
+        """What loads the separate kernels that this one calls, directly or not."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._context, name)
@@ -148,7 +174,17 @@ class _TypingContext:
         found = self._calls.get(key)
         if found is None:
             found = self._calls[key] = self._resolve(func, args, kws)
+            self._note_separate(getattr(func, "dispatcher", None), args)
         return found
+
+    def _note_separate(self, called: Any, args: Any) -> None:
+        """Keep what loads a called kernel if it is separate, else the separate ones it calls."""
+        if _is_kernel(called, SeparateCompiler):
+            names = (called.py_func.__module__, called.py_func.__qualname__)
+            self.needed[names, args] = functools.partial(_load, *names, args)
+        elif _is_kernel(called) and args in called.overloads:
+            for load in called.overloads[args].reload_init:
+                self.needed[load.args[:2], load.args[2]] = load
 
     def _resolve(self, func: Any, args: Any, kws: Any) -> Any:
         kernel: Any = getattr(func, "dispatcher", None)
@@ -210,6 +246,7 @@ class _InferTypes(NopythonTypeInference):
         finally:
             state.typingctx = context
         stop_if_left(state.func_id.modname, state.func_id.func_qualname)
+        state.reload_init.extend(shared.needed.values())
         state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         return changed
@@ -235,6 +272,16 @@ class _InferInnerTypes(_InferTypes):
         if not state.flags.nrt:
             _refuse_arrays(state)
         return changed
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _InferSeparateTypes(_InferInnerTypes):
+    _name = "asperity_separate_type_inference"
+    library = SeparateLibrary
+
+    def run_pass(self, state: Any) -> bool:
+        state.func_id.unique_id = int(state.pipeline.sources, 16)
+        return super().run_pass(state)
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -279,6 +326,23 @@ class KernelCompiler(_Compiler):
     infer = _InferKernelTypes
 
 
+class SeparateCompiler(InnerCompiler):
+    """Numba's compiler, for large kernels that only kernels call by the address of their code.
+
+    Machine code finds them by names, which must be the same in every process: so that a name ends
+    with the hash of the sources, in place of Numba's count.
+    """
+
+    infer = _InferSeparateTypes
+    sources: str
+    """Hash of the sources of a kernel, hex digits."""
+
+    @classmethod
+    def of(cls, sources: str) -> type[SeparateCompiler]:
+        """Return the compiler for a kernel with this hash of its sources."""
+        return type(cls.__name__, (cls,), {"sources": sources})
+
+
 class _LeaveGarbage(event.Listener):
     """Collects no garbage while kernels are compiled, which leave next to none."""
 
@@ -313,10 +377,15 @@ def compilers(version: str = numba.__version__) -> tuple[type[CompilerBase], typ
     version : str
         Of Numba. If it is not in `TESTED`, they are Numba's own.
     """
-    if ".".join(version.split(".")[:2]) in TESTED:
+    if is_tested(version):
         return KernelCompiler, InnerCompiler
     logging.getLogger(__name__).info(
         "Numba %s is not among the tested versions %s: compilation takes longer",
         version, ", ".join(TESTED),
     )  # fmt: skip
     return Compiler, Compiler
+
+
+def is_tested(version: str = numba.__version__) -> bool:
+    """Return whether the libraries were tested with this version of Numba."""
+    return ".".join(version.split(".")[:2]) in TESTED

@@ -161,11 +161,17 @@ if not _CACHED:
 import numba  # noqa: E402  (the folder has to be known to Numba when it is imported)
 from numba.core import caching  # noqa: E402
 
-from asperity._core.compile_time import compilers  # noqa: E402
+from asperity._core.compile_time import (  # noqa: E402
+    SeparateCompiler,
+    compilers,
+    is_tested,
+)
 
 # Numba may have been imported before us; then the variable alone comes too late.
 numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 _COMPILER, _INNER_COMPILER = compilers()
+_SEPARATE = sys.platform == "linux" and is_tested()
+"""Calls between the machine code of kernels were tested on Linux only."""
 
 # Numba names the folder of a function by the place of its source too, so that each clone and each
 # environment would compile anew what has the same content. Older versions offer no choice.
@@ -230,6 +236,18 @@ def inner_kernel(function: F) -> F:
     `asperity._core.stack.stack_array`s.
     """
     return _compiled(function, **_INNER)
+
+
+def separate_kernel(function: F) -> F:
+    """Compile `function` as `inner_kernel` does, but once for all its callers.
+
+    For a large part of a tick: callers jump to its machine code, while that of an inner kernel is
+    linked into each kernel called from Python and optimised with it.
+    """
+    if not _SEPARATE:
+        return inner_kernel(function)
+    compiler = SeparateCompiler.of(source_hash(Path(function.__code__.co_filename)))
+    return _compiled(function, **(_INNER | {"pipeline_class": compiler}))
 
 
 def small_kernel(function: F) -> F:

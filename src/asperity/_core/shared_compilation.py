@@ -3,17 +3,20 @@
 The first force after an installation waits for hundreds of kernels, and Numba compiles one at a
 time: most of the work is done in Python, under one lock. So a process that has many kernels to
 compile starts helpers, which compile the same kernel called from Python, as far as the kernels that
-it calls. Whoever compiles an inner kernel holds a lock on a file beside its machine code. A process
-that meets a kernel held by another goes on with the next call; when nothing else is left, it
-compiles what that kernel calls, or waits for it and loads it from the cache. A process waits for
-kernels that its own kernel calls, never for one that calls it, so there is no deadlock.
+it calls. They stay for the next ones, because starting takes them two seconds. Whoever compiles an
+inner kernel holds a lock on a file beside its machine code. A process that meets a kernel held by
+another goes on with the next call; when nothing else is left, it compiles what that kernel calls,
+or waits for it and loads it from the cache. A process waits for kernels that its own kernel calls,
+never for one that calls it, so there is no deadlock.
 """
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import os
 import pickle
+import queue
 import subprocess
 import sys
 import threading
@@ -32,6 +35,8 @@ HELPERS = "ASPERITY_COMPILE_HELPERS"
 _MOST_HELPERS = 3
 _WORTH_HELP = 8
 """Kernels that a process compiles before it starts helpers, which need seconds to start."""
+_PATIENCE = 10.0
+"""Time without work after which a helper ends [s]."""
 _START = "from asperity._core.shared_compilation import help_parent; help_parent()"
 
 
@@ -91,13 +96,39 @@ def stop_if_left(module: str, name: str) -> None:
         raise CompiledElsewhereError
 
 
-class _StartHelpers(event.Listener):
-    """Starts helpers for a kernel called from Python that needs many others, and ends them."""
+class _Helper:
+    """A process that compiles what this one asks for; it ends with this one, or without work."""
 
     def __init__(self) -> None:
-        self._depth, self._compiled = 0, 0
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", _START], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL, env=os.environ | {HELPERS: "0"},
+        )  # fmt: skip
+
+    def take(self, task: bytes) -> bool:
+        """Hand on a task; return False if the helper has ended."""
+        if self._process.poll() is not None or self._process.stdin is None:
+            return False
+        try:
+            self._process.stdin.write(task)
+            self._process.stdin.flush()
+        except OSError:
+            return False
+        return True
+
+    def end(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.communicate()
+
+
+class _AskHelpers(event.Listener):
+    """Asks helpers for the kernels that one called from Python needs, if there are many."""
+
+    def __init__(self) -> None:
+        self._depth, self._compiled, self._owner = 0, 0, 0
         self._kernel: dict[str, Any] = {}
-        self._helpers: list[subprocess.Popen[bytes]] = []
+        self._helpers: list[_Helper] = []
 
     def on_start(self, started: Any) -> None:
         """Count the kernels that are compiled for the outermost one."""
@@ -106,32 +137,31 @@ class _StartHelpers(event.Listener):
         self._depth += 1
         self._compiled += 1
         if self._compiled == _WORTH_HELP:
-            self._helpers = [helper for _ in range(helpers()) if (helper := self._start())]
+            with suppress(OSError, pickle.PicklingError, AttributeError, TypeError):
+                self._ask()  # help is never needed
 
     def on_end(self, _: Any) -> None:
-        """End the helpers with the outermost kernel."""
+        """Note the end of a kernel."""
         self._depth -= 1
-        if self._depth == 0:
-            for helper in self._helpers:
-                helper.kill()
-                helper.communicate()
-            self._helpers = []
 
-    def _start(self) -> subprocess.Popen[bytes] | None:
+    def _ask(self) -> None:
+        if self._owner != os.getpid():  # a fork leaves them to the process that started them
+            self._owner, self._helpers = os.getpid(), []
         function = self._kernel["dispatcher"].py_func
-        name = (function.__module__, function.__qualname__)
-        try:
-            task = pickle.dumps((sys.path, *name, tuple(self._kernel["args"])))
-            helper = subprocess.Popen(
-                [sys.executable, "-c", _START], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL, env=os.environ | {HELPERS: "0"},
-            )  # fmt: skip
-            if helper.stdin is not None:
-                helper.stdin.write(task)
-                helper.stdin.flush()
-        except (OSError, pickle.PicklingError, AttributeError, TypeError):
-            return None  # help is never needed
-        return helper
+        package = function.__module__.partition(".")[0]
+        modules = [name for name in sys.modules if name.partition(".")[0] == package]
+        names = (function.__module__, function.__qualname__)
+        task = pickle.dumps((sys.path, *names, tuple(self._kernel["args"]), modules))
+        self._helpers = [helper for helper in self._helpers if helper.take(task)]
+        while len(self._helpers) < helpers():
+            self._helpers.append(_Helper())
+            self._helpers[-1].take(task)
+
+    def end(self) -> None:
+        """End the helpers of this process."""
+        if self._owner == os.getpid():
+            for helper in self._helpers:
+                helper.end()
 
 
 def helpers() -> int:
@@ -146,17 +176,31 @@ def helpers() -> int:
 
 
 def help_parent() -> None:
-    """Compile what the kernel calls that standard input names, until the parent process ends."""
-    sys.path[:], module, name, arguments = pickle.load(sys.stdin.buffer)
+    """Compile what the kernels call that standard input names, one after the other.
 
-    def end_with_parent() -> None:
-        sys.stdin.buffer.read()
+    Returns when there was no task for `_PATIENCE` seconds. Ends with the parent process.
+    """
+    tasks: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+    def receive() -> None:
+        with suppress(EOFError):
+            while True:
+                tasks.put(pickle.load(sys.stdin.buffer))
         os._exit(0)
 
-    threading.Thread(target=end_with_parent, daemon=True).start()
-    kernel = getattr(importlib.import_module(module), name)
-    with left_to_others(kernel):
-        kernel.compile(arguments)
+    threading.Thread(target=receive, daemon=True).start()
+    with suppress(queue.Empty):
+        while True:
+            sys.path[:], module, name, arguments, modules = tasks.get(timeout=_PATIENCE)
+            with suppress(Exception):  # the parent meets it too
+                kernel = getattr(importlib.import_module(module), name)
+                with left_to_others(kernel):
+                    kernel.compile(arguments)
+            for loaded in modules:  # the next kernel is likely to be in one of them
+                with suppress(Exception):
+                    importlib.import_module(loaded)
 
 
-event.register("numba:compile", _StartHelpers())
+_ask_helpers = _AskHelpers()
+event.register("numba:compile", _ask_helpers)
+atexit.register(_ask_helpers.end)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.kernels import clear, inner_kernel, kernel
+from asperity._core.kernels import clear, inner_kernel, kernel, separate_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.displaced_surface import (
     base_height_at,
@@ -139,7 +139,7 @@ def frame_round(n, frame_out):
     frame_out[2, 0], frame_out[2, 1], frame_out[2, 2] = n[0], n[1], n[2]
 
 
-@inner_kernel
+@separate_kernel
 def fill_depth_along(textures, geometry, query, limits, memory, result_out):
     """Fill a `PENETRATION` record with the depth of A in B along n.
 

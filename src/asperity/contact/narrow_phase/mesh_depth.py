@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.kernels import clear, inner_kernel, kernel, small_kernel
+from asperity._core.kernels import clear, inner_kernel, kernel, separate_kernel, small_kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_pairs import (
@@ -178,7 +178,7 @@ def _search_under_load(textures, stride, count, start, limits, memory, queue):
     search.nodes = nodes
 
 
-@inner_kernel
+@separate_kernel
 def region_depths(model, region, query, limits, memory, space, first):
     """Search the sub-regions of one direction; fill rows of `space.manifold` from `first` on.
 
