@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
-from asperity.contact.narrow_phase.bounds.triplanar import MIX_1, is_triplanar, triplanar_top
+from asperity.contact.narrow_phase.bounds.triplanar import MIX_1, is_triplanar, plane_triplanar_top
 from asperity.contact.narrow_phase.plane_boxes import (
     beyond_straight_borders,
     on_texture,
@@ -83,7 +83,7 @@ def highest_over(textures, patch, box):
         )  # fmt: skip
         if not is_beyond and not beyond_straight_borders(patch, 0, at_x, at_y, reach_x, reach_y):
             if is_triplanar(patch):
-                top = triplanar_top(textures, patch, at_x, at_y, reach_x, reach_y)
+                top = plane_triplanar_top(textures, patch, at_x, at_y, reach_x, reach_y)
             else:
                 u0, u1, v0, v1 = on_texture(patch, at_x, at_y, reach_x, reach_y)
                 top = texture_top(textures, patch.texture, u0, u1, v0, v1)

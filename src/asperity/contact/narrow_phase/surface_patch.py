@@ -103,11 +103,12 @@ def _fill_texture_map(patch, frame, body, origin):
         patch.map_root = math.hypot(from_root[0], from_root[1])
     elif patch.mapping == TRIPLANAR:
         patch.map_start[0], patch.map_start[1] = origin[0], origin[1]
-        b1 = math.sqrt(from_x[0] ** 2 + from_x[1] ** 2 + from_x[2] ** 2)
-        b2 = math.sqrt(from_y[0] ** 2 + from_y[1] ** 2 + from_y[2] ** 2)
-        least, most = 0.0, math.sqrt(b1 * b1 + b2 * b2)
-        if patch.bulge == 0.0:  # the axes of a plane patch are perpendicular unit vectors
-            most = max(b1, b2)
+        # The largest singular value of the derivative of all three coordinates.
+        xx = from_x[0] ** 2 + from_x[1] ** 2 + from_x[2] ** 2
+        yy = from_y[0] ** 2 + from_y[1] ** 2 + from_y[2] ** 2
+        xy = from_x[0] * from_y[0] + from_x[1] * from_y[1] + from_x[2] * from_y[2]
+        half, gap = 0.5 * (xx + yy), 0.5 * (xx - yy)
+        least, most = 0.0, math.sqrt(half + math.sqrt(gap * gap + xy * xy))
         patch.map_root = abs(patch.bulge)
     else:
         least, most = 0.0, max(1.0, patch.map_stretch)

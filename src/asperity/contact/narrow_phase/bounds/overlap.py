@@ -36,7 +36,8 @@ from asperity.contact.narrow_phase.bounds.texture import (
     planar_slopes,
     roots_over,
     smooth_bounds,
-    texture_over,
+    top_over,
+    with_slopes,
 )
 from asperity.contact.narrow_phase.displaced_surface import (
     ellipse_form,
@@ -192,12 +193,11 @@ def _textured_bound(textures, pair, box, base, threshold, search):
     """Tighten the base bound for any two patches; `base` is that of `base_bound`."""
     patch, other, at = pair.patch, pair.other, search.at
     x0, x1, y0, y1 = box
-    over = texture_over(textures, patch, x0, x1, y0, y1)
+    over = top_over(textures, patch, x0, x1, y0, y1)
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     radius = math.sqrt(half_x * half_x + half_y * half_y)
     size_other = texture_size(textures, other)
-    fastest = patch.lateral_max + drift_of(textures, patch, over)
     shift = texture_size(textures, patch) * over.lateral
     is_explicit = other.is_level or other.texture < 0
     # The part of the other patch under the box.
@@ -214,7 +214,7 @@ def _textured_bound(textures, pair, box, base, threshold, search):
             _, b1, b2, _, c1, c2 = parameters_over(patch, other)
             reach_x = abs(b1) * half_x + abs(b2) * half_y
             reach_y = abs(c1) * half_x + abs(c2) * half_y
-        over_other = texture_over(
+        over_other = top_over(
             textures, other, bx - reach_x, bx + reach_x, by - reach_y, by + reach_y
         )
     folds, highest = may_fold(textures, other), np.inf
@@ -227,14 +227,16 @@ def _textured_bound(textures, pair, box, base, threshold, search):
         if highest == -np.inf:
             return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
     bound = _raised(textures, patch, other, over, over_other, min(over_other.top, highest), base)
-    bend = known = 0.0
+    lowered = bend = known = 0.0
     if search.load > 0.0:
-        least, bend, _ = lowering_over(textures, patch, other, box, search)
-        bound -= least
+        lowered, bend, _ = lowering_over(textures, patch, other, box, search)
+        bound -= lowered
     if bound <= threshold:
         return box_bound(bound, UNEVALUATED, bound, 0.0)
     if patch.bulge == 0.0 and other.bulge == 0.0:
         return plane_bound(textures, pair, box, bound, search)
+    over = with_slopes(textures, patch, x0, x1, y0, y1, over)
+    fastest = patch.lateral_max + drift_of(textures, patch, over)
     overlap_at(textures, patch, other, x, y, search, at)
     # The lateral displacement by the other's texture is known only if there is a point.
     astray = 0.0 if is_explicit else (size_other if at.f == -np.inf else 3.0 * size_other)
@@ -247,19 +249,33 @@ def _textured_bound(textures, pair, box, base, threshold, search):
         left = bound if radius > FINEST_OVERHANG else -np.inf
         return box_bound(left, UNEVALUATED, bound, 0.0)
     if not is_explicit:
-        # The point under the centre is known now: a narrower part of the other suffices.
+        over_other = with_slopes(
+            textures, other, bx - reach_x, bx + reach_x, by - reach_y, by + reach_y, over_other
+        )
         closest = other.lateral_min - drift_of(textures, other, over_other)
-        if closest <= 0.0 and folds:
-            near, known, far = nearby(textures, other, radius * fastest, highest, search)
-            over_other = near if known > 0.0 else over_other
-            if known > 0.0 and is_apart(other, at.other_x, at.other_y, far):
-                return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
-        elif closest > 0.0:
-            bx, by = at.other_x, at.other_y
-            reach = min(reach_x, radius * fastest / closest)
-            over_other = texture_over(
-                textures, other, bx - reach, bx + reach, by - reach, by + reach
-            )
+    else:
+        closest = other.lateral_min
+    if (not is_explicit or shift > 0.0) and closest > 0.0:
+        # The point under the centre is known now: a narrower part of the other suffices.
+        bx, by = at.other_x, at.other_y
+        reach_x = reach_y = min(reach_x, radius * fastest / closest)
+        over_other = top_over(
+            textures, other, bx - reach_x, bx + reach_x, by - reach_y, by + reach_y
+        )
+        highest = min(highest, over_other.top)
+        raised = _raised(textures, patch, other, over, over_other, highest, base)
+        bound = min(bound, raised - lowered)
+        if bound <= threshold:
+            return box_bound(bound, EVALUATED, bound, 0.0)
+    elif not is_explicit and folds:
+        near, known, far = nearby(textures, other, radius * fastest, highest, search)
+        over_other = near if known > 0.0 else over_other
+        if known > 0.0 and is_apart(other, at.other_x, at.other_y, far):
+            return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
+    if over_other.slope == np.inf:
+        over_other = with_slopes(
+            textures, other, bx - reach_x, bx + reach_x, by - reach_y, by + reach_y, over_other
+        )
     if (patch.bulge > 0.0 and over.min_root < 0.5 * patch.min_root) or (
         other.bulge > 0.0 and over_other.min_root < 0.5 * other.min_root
     ):

@@ -15,7 +15,7 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.bounds.overlap import order_zero_bound
 from asperity.contact.narrow_phase.bounds.planes import lifts_within, planes_of, under_box
-from asperity.contact.narrow_phase.bounds.triplanar import is_triplanar, triplanar_top
+from asperity.contact.narrow_phase.bounds.triplanar import is_triplanar, plane_triplanar_top
 from asperity.contact.narrow_phase.flat_on_flat import plane_overlap
 from asperity.contact.narrow_phase.outermost import highest_over, may_fold
 from asperity.contact.narrow_phase.patch_pair import pair_shift, window_of
@@ -57,7 +57,7 @@ def _mapped_top(textures, patch, x, y, half_x, half_y):
     It is not inlined: searches between planar maps would take 4 % longer.
     """
     if is_triplanar(patch):
-        top = triplanar_top(textures, patch, x, y, half_x, half_y)
+        top = plane_triplanar_top(textures, patch, x, y, half_x, half_y)
         return min(_patch_top(textures, patch), top)
     return _planar_top(textures, patch, x, y, half_x, half_y)
 

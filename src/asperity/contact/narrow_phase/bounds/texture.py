@@ -9,9 +9,9 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity.contact.narrow_phase.bounds.triplanar import (
-    MIX_1,
-    MIX_2,
+    PLANE,
     mixing,
+    shares_over,
     triplanar_slopes,
     triplanar_top,
 )
@@ -19,7 +19,10 @@ from asperity.contact.narrow_phase.displaced_surface import ellipse_form, root_a
 from asperity.contact.narrow_phase.plane_boxes import on_texture, plane_normal
 from asperity.contact.narrow_phase.surface_patch import CYLINDRICAL, PLANAR, TRIPLANAR
 from asperity.texture.highest import texture_top
-from asperity.texture.packed import slope_bounds, texture_bounds
+from asperity.texture.packed import slope_bounds
+
+_NO_SLOPES = (np.inf, np.inf, np.inf)
+"""Bounds of slopes that were not looked up."""
 
 
 class TextureBounds(NamedTuple):
@@ -105,11 +108,12 @@ def plane_slopes(textures, patch, box, normal_slope, normal_bend):
     if patch.mapping == PLANAR:
         return planar_slopes(textures, patch, x, y, half_x, half_y)
     k, w1, w2 = patch.texture, normal_slope, normal_bend
-    slope, bend = triplanar_slopes(textures, patch, x, y, half_x, half_y)
+    shares = shares_over(patch, box, PLANE)
+    slope, bend = triplanar_slopes(textures, patch, box, PLANE, shares, (0.0, 0.0))
     bend_size = textures.maps[k].max_curvature
     if patch.is_unit:
         return slope, bend, bend_size
-    mix_1, mix_2 = mixing(patch, x, y, half_x, half_y)
+    mix_1, mix_2 = mixing(shares)
     size = textures.maps[k].max_abs_surface
     more = 2.0 * mix_1 * w1 * slope + (mix_2 * w1 * w1 + mix_1 * w2) * size
     return slope + mix_1 * w1 * size, bend + more, bend_size + more
@@ -141,8 +145,8 @@ def _curved_normal(patch, x, y, radius, min_root):
 
 
 @inner_kernel
-def texture_over(textures, patch, x0, x1, y0, y1):
-    """Return the `TextureBounds` of a patch over a box of its parameters."""
+def top_over(textures, patch, x0, x1, y0, y1):
+    """Return the `TextureBounds` of a patch over a box of its parameters, without slopes."""
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     radius = math.sqrt(half_x * half_x + half_y * half_y)
@@ -151,53 +155,90 @@ def texture_over(textures, patch, x0, x1, y0, y1):
         return smooth_bounds(-np.inf, -1.0, -1.0)
     if patch.texture < 0:
         return smooth_bounds(0.0, least, most)
-    k, mapping, is_curved = patch.texture, patch.mapping, patch.bulge > 0.0
+    k, mapping, box = patch.texture, patch.mapping, (x, y, half_x, half_y)
     if patch.is_level and mapping == PLANAR:
         u0, u1, v0, v1 = on_texture(patch, x, y, half_x, half_y)
         top = texture_top(textures, k, u0, u1, v0, v1)
-        slopes = planar_slopes(textures, patch, x, y, half_x, half_y)
-        return bounds_of(top, slopes, (0.0, 0.0, 1.0, 0.0, 0.0, 0.0), 1.0, 1.0)
-    if mapping == TRIPLANAR and not is_curved:
-        normal = plane_normal(patch, x, y, radius)
-        slopes = plane_slopes(textures, patch, (x, y, half_x, half_y), normal[4], normal[5])
-        top = triplanar_top(textures, patch, x, y, half_x, half_y)
-        return bounds_of(top, slopes, normal, 1.0, 1.0)
-    low, r1, r2 = max(least, 0.5 * patch.min_root), 0.0, 0.0
-    if is_curved:
-        # Bounds of the root's first and second derivatives.
-        r1 = math.sqrt(patch.ellipse_max * max(1.0 - low * low, 0.0)) / low
-        r2 = patch.ellipse_max / (low * low * low)
+        return bounds_of(top, _NO_SLOPES, (0.0, 0.0, 1.0, 0.0, 0.0, 0.0), 1.0, 1.0)
+    if patch.bulge > 0.0:
         normal = _curved_normal(patch, x, y, radius, least)
     else:
         normal = plane_normal(patch, x, y, radius)
+    if mapping == TRIPLANAR:
+        root = _middle_and_half(least, most)
+        top = triplanar_top(textures, patch, box, root, shares_over(patch, box, root))
+    else:
+        if mapping == CYLINDRICAL:
+            u0, u1, v0, v1 = _box_on_cylinder(patch, (x0, x1, y0, y1), least, most)
+        else:
+            u0, u1, v0, v1 = _box_on_map(patch, box, least, most)
+        top = texture_top(textures, k, u0, u1, v0, v1)
+    return bounds_of(top, _NO_SLOPES, normal, least, most)
+
+
+@inner_kernel
+def with_slopes(textures, patch, x0, x1, y0, y1, over):
+    """Return what `top_over` returned for a box, `over`, with the slopes."""
+    if patch.texture < 0 or over.max_root <= 0.0:
+        return over
+    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    box = (x, y, 0.5 * (x1 - x0), 0.5 * (y1 - y0))
+    k, mapping, least, most = patch.texture, patch.mapping, over.min_root, over.max_root
+    if patch.bulge == 0.0 and (mapping == TRIPLANAR or (mapping == PLANAR and patch.is_level)):
+        slopes = plane_slopes(textures, patch, box, over.normal_slope, over.normal_bend)
+        return _with(over, slopes)
+    low, r1, r2 = max(least, 0.5 * patch.min_root), 0.0, 0.0
+    if patch.bulge > 0.0:
+        # Bounds of the root's first and second derivatives.
+        r1 = math.sqrt(patch.ellipse_max * max(1.0 - low * low, 0.0)) / low
+        r2 = patch.ellipse_max / (low * low * low)
+    if mapping == TRIPLANAR:
+        return _with(over, _curved_triplanar_slopes(textures, patch, box, (r1, r2), over))
     if mapping == CYLINDRICAL:
-        top, slope, bend = _bound_on_cylinder(textures, patch, (x0, x1, y0, y1), least, most)
+        u0, u1, v0, v1 = _box_on_cylinder(patch, (x0, x1, y0, y1), least, most)
         reach = 1.0 + patch.map_root * r1
         stretch = patch.map_stretch
         speed = math.sqrt((stretch / low) ** 2 + reach * reach)
         turn = math.sqrt(max(1.0 - low * low, 0.0)) * stretch / (patch.radius * low * low * low)
         turn += patch.map_root * r2
-        slowest = 0.0
+        slowest = max(min(stretch, 1.0) - patch.map_root * r1, 0.0)
     else:
-        top, slope, bend = _bound_on_maps(textures, patch, (x, y, half_x, half_y), least, most)
+        u0, u1, v0, v1 = _box_on_map(patch, box, least, most)
         speed = patch.map_max + patch.map_root * r1
         turn = patch.map_root * r2
         slowest = max(patch.map_min - patch.map_root * r1, 0.0)
+    slope, bend = slope_bounds(textures, k, u0, u1, v0, v1)
     bend = bend * (speed * speed if bend > 0.0 else slowest * slowest) + slope * turn
     bend_size = textures.maps[k].max_curvature * speed * speed + slope * turn
-    slope *= speed
-    if mapping == TRIPLANAR:
-        size, w1, w2 = textures.maps[k].max_abs_surface, normal[4], normal[5]
-        more = 2.0 * MIX_1 * w1 * slope + (MIX_2 * w1 * w1 + MIX_1 * w2) * size
-        bend += more
-        bend_size += more
-        slope += MIX_1 * w1 * size
-    return bounds_of(top, (slope, bend, bend_size), normal, least, most)
+    return _with(over, (slope * speed, bend, bend_size))
 
 
 @small_kernel
-def _bound_on_cylinder(textures, patch, box, least, most):
-    """Return upper bounds of t, |t'| and t'' in texture coordinates, for a cylindrical map.
+def _with(over, slopes):
+    """Return `TextureBounds` with other slopes (t', t'', |t''|)."""
+    normal = (
+        over.normal_u, over.normal_v, over.normal_z, over.normal_change, over.normal_slope,
+        over.normal_bend,
+    )  # fmt: skip
+    return bounds_of(over.top, slopes, normal, over.min_root, over.max_root)
+
+
+@inner_kernel
+def texture_over(textures, patch, x0, x1, y0, y1):
+    """Return the `TextureBounds` of a patch over a box of its parameters."""
+    over = top_over(textures, patch, x0, x1, y0, y1)
+    return with_slopes(textures, patch, x0, x1, y0, y1, over)
+
+
+@small_kernel
+def _middle_and_half(least, most):
+    """Return the middle and half the range of the root, from its bounds."""
+    return 0.5 * (most + max(least, 0.0)), 0.5 * (most - max(least, 0.0))
+
+
+@small_kernel
+def _box_on_cylinder(patch, box, least, most):
+    """Return the rectangle u0, u1, v0, v1 that a box covers on a cylindrical map.
 
     `least` and `most` bound the root.
     """
@@ -210,36 +251,41 @@ def _bound_on_cylinder(textures, patch, box, least, most):
     low_root = max(least, 0.0)
     lean0, lean1 = patch.lean * low_root, patch.lean * most
     u, v = patch.map_start[0], patch.map_start[1]
-    return texture_bounds(
-        textures, patch.texture, u + a0, u + a1, v + x0 + min(lean0, lean1),
-        v + x1 + max(lean0, lean1),
-    )  # fmt: skip
+    return u + a0, u + a1, v + x0 + min(lean0, lean1), v + x1 + max(lean0, lean1)
 
 
 @small_kernel
-def _bound_on_maps(textures, patch, box, least, most):
-    """Return upper bounds of t, |t'| and t'' in texture coordinates, for one or three maps.
+def _box_on_map(patch, box, least, most):
+    """Return the rectangle u0, u1, v0, v1 that a box (x, y, half_x, half_y) covers on a planar map.
 
-    `box` is (x, y, half_x, half_y); `least` and `most` bound the root.
+    `least` and `most` bound the root.
     """
     x, y, half_x, half_y = box
     at, by_x, by_y, by_root = (
         patch.texture_origin, patch.texture_from_x, patch.texture_from_y, patch.texture_from_root
     )  # fmt: skip
-    is_planar = patch.mapping == PLANAR
-    top, slope, bend = -np.inf, 0.0, -np.inf
-    middle = 0.5 * (most + max(least, 0.0))
-    half_root = 0.5 * (most - max(least, 0.0))
-    for i in range(1 if is_planar else 3):
-        one, two = (0, 1) if is_planar else ((i + 1) % 3, (i + 2) % 3)
-        u = at[one] + by_x[one] * x + by_y[one] * y
-        u += by_root[one] * middle - (0.0 if is_planar else patch.map_start[0])
-        v = at[two] + by_x[two] * x + by_y[two] * y
-        v += by_root[two] * middle - (0.0 if is_planar else patch.map_start[1])
-        ru = abs(by_x[one]) * half_x + abs(by_y[one]) * half_y
-        ru += abs(by_root[one]) * half_root
-        rv = abs(by_x[two]) * half_x + abs(by_y[two]) * half_y
-        rv += abs(by_root[two]) * half_root
-        h, s, b = texture_bounds(textures, patch.texture, u - ru, u + ru, v - rv, v + rv)
-        top, slope, bend = max(top, h), max(slope, s), max(bend, b)
-    return top, slope, bend
+    middle, half_root = _middle_and_half(least, most)
+    u = at[0] + by_x[0] * x + by_y[0] * y + by_root[0] * middle
+    v = at[1] + by_x[1] * x + by_y[1] * y + by_root[1] * middle
+    ru = abs(by_x[0]) * half_x + abs(by_y[0]) * half_y + abs(by_root[0]) * half_root
+    rv = abs(by_x[1]) * half_x + abs(by_y[1]) * half_y + abs(by_root[1]) * half_root
+    return u - ru, u + ru, v - rv, v + rv
+
+
+@small_kernel
+def _curved_triplanar_slopes(textures, patch, box, root_slopes, over):
+    """Return upper bounds of |t'|, t'' and |t''| of a triplanar map over a box of a curved patch.
+
+    `root_slopes` bounds the root's derivatives.
+    """
+    k, w1, w2 = patch.texture, over.normal_slope, over.normal_bend
+    root = _middle_and_half(over.min_root, over.max_root)
+    shares = shares_over(patch, box, root)
+    slope, bend = triplanar_slopes(textures, patch, box, root, shares, root_slopes)
+    speed = patch.map_max + patch.map_root * root_slopes[0]
+    bend_size = textures.maps[k].max_curvature * speed * speed
+    bend_size += slope * patch.map_root * root_slopes[1]
+    mix_1, mix_2 = mixing(shares)
+    size = textures.maps[k].max_abs_surface
+    more = 2.0 * mix_1 * w1 * slope + (mix_2 * w1 * w1 + mix_1 * w2) * size
+    return slope + mix_1 * w1 * size, bend + more, bend_size + more

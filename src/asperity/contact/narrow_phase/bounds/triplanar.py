@@ -1,4 +1,4 @@
-"""Bounds of a triplanar map over a box of a plane patch: three maps, blended by the normal.
+"""Bounds of a triplanar map over a box of a patch: three maps, blended by the normal.
 
 The height is `t = sum of a_i t_i` with the weights `a_i = w_i^4 / sum of w^4`, w the normal and t_i
 the map along axis i. The weights sum to 1, so with m the map of largest weight and a_i the largest
@@ -15,13 +15,15 @@ from __future__ import annotations
 import math
 
 from asperity._core.kernels import small_kernel
-from asperity.contact.narrow_phase.surface_patch import TRIPLANAR
+from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, singular_values
 from asperity.texture.highest import texture_top
 from asperity.texture.packed import slope_bounds
 
 MIX_1, MIX_2, MIX_3 = 4.2, 14.0, 136.0
 """Largest sums over i, on the whole sphere, of the sizes of the first three derivatives of the
 weights a_i by the unit normal along one direction."""
+PLANE = (1.0, 0.0)
+"""Middle and half the range of the root of a plane patch."""
 _SMALL_WEIGHT = 1e-2
 """Weight below which a map has the bound of the whole texture."""
 
@@ -33,30 +35,35 @@ def is_triplanar(patch):
 
 
 @small_kernel
-def shares_over(patch, x, y, half_x, half_y):
-    """Return the map of largest weight over a box, and the largest weights of the next two."""
+def shares_over(patch, box, root):
+    """Return the map of largest weight over a box, and the largest weights of the next two.
+
+    `box` is (x, y, half_x, half_y); `root` is the middle and half the range of the root over it.
+    """
     low, m = -1.0, 0
     for i in range(3):
-        least, _ = _component(patch, i, x, y, half_x, half_y)
+        least, _ = _component(patch, i, box, root)
         if least > low:
             low, m = least, i
-    one = _share(patch, (m + 1) % 3, low, x, y, half_x, half_y)
-    return m, one, _share(patch, (m + 2) % 3, low, x, y, half_x, half_y)
+    one = _share(patch, (m + 1) % 3, low, box, root)
+    return m, one, _share(patch, (m + 2) % 3, low, box, root)
 
 
 @small_kernel
-def _component(patch, i, x, y, half_x, half_y):
+def _component(patch, i, box, root):
     """Return the least and the largest size of a component of w, not normalised, over a box."""
+    x, y, half_x, half_y = box
     by_x, by_y = patch.body_normal_from_x[i], patch.body_normal_from_y[i]
-    middle = abs(patch.body_normal[i] + by_x * x + by_y * y)
-    reach = abs(by_x) * half_x + abs(by_y) * half_y
+    by_root = patch.body_normal_from_root[i]
+    middle = abs(patch.body_normal[i] + by_x * x + by_y * y + by_root * root[0])
+    reach = abs(by_x) * half_x + abs(by_y) * half_y + abs(by_root) * root[1]
     return max(middle - reach, 0.0), middle + reach
 
 
 @small_kernel
-def _share(patch, i, low, x, y, half_x, half_y):
+def _share(patch, i, low, box, root):
     """Return the largest weight of a map where the normal's component of another is >= `low`."""
-    _, most = _component(patch, i, x, y, half_x, half_y)
+    _, most = _component(patch, i, box, root)
     most, low = most**4, low**4
     # `height_on` ignores so small a weight.
     if patch.is_unit and most < 1e-12:
@@ -65,13 +72,14 @@ def _share(patch, i, low, x, y, half_x, half_y):
 
 
 @small_kernel
-def mixing(patch, x, y, half_x, half_y):
+def mixing(shares):
     """Return bounds of the sums of sizes of the weights' first and second derivatives by w.
 
     For a small a_i they are, with S >= 1/3 the sum of w^4, at most `4 (a^(3/4) + a) S^(-1/4)` and
     `(12 a^(1/2) + 32 a^(3/4) + 44 a) S^(-1/2)`; those of a_m are minus the sum of the others.
+    `shares` is what `shares_over` returns.
     """
-    _, one, two = shares_over(patch, x, y, half_x, half_y)
+    _, one, two = shares
     first = second = 0.0
     for a in (one, two):
         root = math.sqrt(a)
@@ -82,63 +90,81 @@ def mixing(patch, x, y, half_x, half_y):
 
 
 @small_kernel
-def _box_on_map(patch, i, x, y, half_x, half_y):
+def _box_on_map(patch, i, box, root):
     """Return the rectangle u0, u1, v0, v1 that a box covers on one of the maps."""
+    x, y, half_x, half_y = box
     one, two = (i + 1) % 3, (i + 2) % 3
     at, by_x, by_y = patch.texture_origin, patch.texture_from_x, patch.texture_from_y
-    u = at[one] + by_x[one] * x + by_y[one] * y - patch.map_start[0]
-    v = at[two] + by_x[two] * x + by_y[two] * y - patch.map_start[1]
-    ru = abs(by_x[one]) * half_x + abs(by_y[one]) * half_y
-    rv = abs(by_x[two]) * half_x + abs(by_y[two]) * half_y
+    by_root = patch.texture_from_root
+    u = at[one] + by_x[one] * x + by_y[one] * y + by_root[one] * root[0] - patch.map_start[0]
+    v = at[two] + by_x[two] * x + by_y[two] * y + by_root[two] * root[0] - patch.map_start[1]
+    ru = abs(by_x[one]) * half_x + abs(by_y[one]) * half_y + abs(by_root[one]) * root[1]
+    rv = abs(by_x[two]) * half_x + abs(by_y[two]) * half_y + abs(by_root[two]) * root[1]
     return u - ru, u + ru, v - rv, v + rv
 
 
 @small_kernel
-def triplanar_top(textures, patch, x, y, half_x, half_y):
-    """Return the largest height of a triplanar map over a box of a plane patch [m]."""
+def triplanar_top(textures, patch, box, root, shares):
+    """Return the largest height of a triplanar map over a box of a patch [m]."""
     k = patch.texture
-    m, one, two = shares_over(patch, x, y, half_x, half_y)
-    u0, u1, v0, v1 = _box_on_map(patch, m, x, y, half_x, half_y)
+    m, one, two = shares
+    u0, u1, v0, v1 = _box_on_map(patch, m, box, root)
     top = high = texture_top(textures, k, u0, u1, v0, v1)
     for n in range(1, 3):
         share, other = (one if n == 1 else two), textures.maps[k].highest
         if share >= _SMALL_WEIGHT:
-            u0, u1, v0, v1 = _box_on_map(patch, (m + n) % 3, x, y, half_x, half_y)
+            u0, u1, v0, v1 = _box_on_map(patch, (m + n) % 3, box, root)
             other = texture_top(textures, k, u0, u1, v0, v1)
         high += share * max(other - top, 0.0)
     return high
 
 
 @small_kernel
-def triplanar_slopes(textures, patch, x, y, half_x, half_y):
+def plane_triplanar_top(textures, patch, x, y, half_x, half_y):
+    """Return the `triplanar_top` of a box of a plane patch [m]."""
+    box = (x, y, half_x, half_y)
+    return triplanar_top(textures, patch, box, PLANE, shares_over(patch, box, PLANE))
+
+
+@small_kernel
+def triplanar_slopes(textures, patch, box, root, shares, root_slopes):
     """Return the largest slope and second derivative over a box of the three maps, blended.
 
-    They are along unit directions of the patch's parameters, none of which is longer on a map. The
-    variation of the weights is not included.
+    They are along unit directions of the patch's parameters. The variation of the weights is not
+    included. `root_slopes` bounds the root's first and second derivatives, 0 for a plane.
     """
     k = patch.texture
-    m, one, two = shares_over(patch, x, y, half_x, half_y)
-    slope_m, bend_m = _slopes_of(textures, patch, m, x, y, half_x, half_y)
+    m, one, two = shares
+    slope_m, bend_m = _slopes_of(textures, patch, m, box, root, root_slopes)
     slope, bend = slope_m, bend_m
     for n in range(1, 3):
         share = one if n == 1 else two
         slope_i, bend_i = textures.maps[k].max_slope, textures.maps[k].max_curvature
-        if share >= _SMALL_WEIGHT:
-            slope_i, bend_i = _slopes_of(textures, patch, (m + n) % 3, x, y, half_x, half_y)
+        if share >= _SMALL_WEIGHT or root_slopes[1] > 0.0:
+            slope_i, bend_i = _slopes_of(textures, patch, (m + n) % 3, box, root, root_slopes)
         slope += share * max(slope_i - slope_m, 0.0)
         bend += share * max(bend_i - bend_m, 0.0)
     return slope, bend
 
 
 @small_kernel
-def _slopes_of(textures, patch, i, x, y, half_x, half_y):
+def _slopes_of(textures, patch, i, box, root, root_slopes):
     """Do `triplanar_slopes` for one of the maps."""
-    u0, u1, v0, v1 = _box_on_map(patch, i, x, y, half_x, half_y)
+    u0, u1, v0, v1 = _box_on_map(patch, i, box, root)
     slope, bend = slope_bounds(textures, patch.texture, u0, u1, v0, v1)
+    one, two = (i + 1) % 3, (i + 2) % 3
+    by_x, by_y, by_root = patch.texture_from_x, patch.texture_from_y, patch.texture_from_root
+    if patch.bulge > 0.0:
+        least, most = singular_values(by_x[one], by_y[one], by_x[two], by_y[two])
+        through_root = math.hypot(by_root[one], by_root[two])
+        least, most = (
+            max(least - through_root * root_slopes[0], 0.0),
+            most + through_root * root_slopes[0],
+        )
+        bend = bend * (most * most if bend > 0.0 else least * least)
+        return slope * most, bend + slope * through_root * root_slopes[1]
     if bend < 0.0:
         # On a slant the map is compressed by its least singular value; the largest is 1.
-        one, two = (i + 1) % 3, (i + 2) % 3
-        by_x, by_y = patch.texture_from_x, patch.texture_from_y
         slant = by_x[one] * by_y[two] - by_x[two] * by_y[one]
         bend *= slant * slant
     return slope, bend
