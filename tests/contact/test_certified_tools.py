@@ -133,7 +133,7 @@ def test_a_contact_that_the_search_has_not_found_by_its_end_is_told():
         engine.wrench(np.concatenate([place, np.roll(turn.as_quat(), 1)]), 0.0)
         return engine.contacts.count
 
-    few, many, rng, lost = solver(300), solver(8000), np.random.default_rng(1), 0
+    few, many, rng, lost = solver(100), solver(8000), np.random.default_rng(1), 0
     for turn in Rotation.random(12, random_state=1):
         way, near, far = rng.normal(size=3), 0.0, 0.02
         way /= np.linalg.norm(way)

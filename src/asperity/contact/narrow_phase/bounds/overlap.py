@@ -188,6 +188,30 @@ def _raised(textures, patch, other, over, over_other, highest, base):
     return min(bound, top + max(over.top, 0.0) + max(highest, 0.0))
 
 
+@small_kernel
+def _part_under(textures, other, over_other, travel, at):
+    """Return the middle and half the side of the other's part that may be under a box.
+
+    A point is displaced along its normal by a height between the lowest and the highest: so the
+    base points of all that lie under one place are near a segment along the normal's lateral part.
+    `over_other` bounds the texture and the normal over a larger part; `travel` is how far points
+    over the box are from its centre's in (u, v), and `at` the overlap at its centre.
+    """
+    texture = textures.maps[other.texture]
+    cells = texture.cells_per_metre
+    # No place is further from a sample than half the diagonal of a pixel.
+    apart = 0.5 * math.sqrt(1.0 / (cells[0] * cells[0]) + 1.0 / (cells[1] * cells[1]))
+    lowest = max(texture.lowest - texture.max_slope * apart, -texture.max_abs_surface)
+    middle, half = 0.5 * (over_other.top + lowest), max(0.5 * (over_other.top - lowest), 0.0)
+    x, y = parameters_at(
+        other,
+        at.point[0] - middle * over_other.normal_u,
+        at.point[1] - middle * over_other.normal_v,
+    )
+    reach = travel + half * over_other.lateral + abs(middle) * over_other.normal_change
+    return x, y, reach / other.lateral_min
+
+
 @inner_kernel
 def _textured_bound(textures, pair, box, base, threshold, search):
     """Tighten the base bound for any two patches; `base` is that of `base_bound`."""
@@ -248,13 +272,21 @@ def _textured_bound(textures, pair, box, base, threshold, search):
         # The other surface overhangs there along n: it has no height.
         left = bound if radius > FINEST_OVERHANG else -np.inf
         return box_bound(left, UNEVALUATED, bound, 0.0)
+    closest = other.lateral_min
     if not is_explicit:
+        px, py, near = _part_under(textures, other, over_other, radius * fastest, at)
+        if near < reach_x:
+            bx, by, reach_x, reach_y = px, py, near, near
+            over_other = top_over(textures, other, bx - near, bx + near, by - near, by + near)
+            highest = min(highest, over_other.top)
+            raised = _raised(textures, patch, other, over, over_other, highest, base)
+            bound = min(bound, raised - lowered)
+            if bound <= threshold:
+                return box_bound(bound, EVALUATED, bound, 0.0)
         over_other = with_slopes(
             textures, other, bx - reach_x, bx + reach_x, by - reach_y, by + reach_y, over_other
         )
-        closest = other.lateral_min - drift_of(textures, other, over_other)
-    else:
-        closest = other.lateral_min
+        closest -= drift_of(textures, other, over_other)
     if (not is_explicit or shift > 0.0) and closest > 0.0:
         # The point under the centre is known now: a narrower part of the other suffices.
         bx, by = at.other_x, at.other_y
