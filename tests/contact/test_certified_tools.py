@@ -112,6 +112,35 @@ def test_a_rough_rim_over_a_steep_rounded_edge_is_certified():
     assert np.mean(nodes) < 1500
 
 
+@pytest.mark.parametrize("on_ball", [False, True])
+@pytest.mark.parametrize("kind", SIZES)
+def test_rough_primitives_on_rough_bodies_are_certified(kind, on_ball):
+    """In any orientation, within a few thousand boxes."""
+    size = " ".join(map(str, SIZES[kind]))
+    target = 'type="sphere" size="0.01"' if on_ball else 'type="box" size="0.02 0.01 0.0025"'
+    xml = (
+        f'<mujoco><worldbody><body name="target"><geom {target}/></body><body name="tool" '
+        f'pos="0 0 0.03"><freejoint/><geom type="{kind}" size="{size}" mass="0.05"/></body>'
+        "</worldbody></mujoco>"
+    )
+    knurl = {"kind": "knurl", "pitch": 8e-4, "height": 1.6e-4, "mapping": "triplanar"}
+    dots = {"kind": "jittered_dots", "pitch": 1e-3, "height": 2e-4, "diameter": 4e-4, "seed": 0}
+    dots["mapping"] = "triplanar"
+    textures = {"tool": {"texture": knurl}, "target": {"texture": dots}}
+    made = scene_of(xml, {"schema": 1, "tool": {"body": "tool"}, "bodies": textures})
+    engine = ContactSolver(made.model, made.bodies, "tool", made.force)
+    rng, top, bad, nodes = np.random.default_rng(2), 0.01 if on_ball else 0.0025, 0, []
+    for turn in Rotation.random(60, random_state=3):
+        place = np.array([*rng.uniform(-2e-3, 2e-3, 2), top + lowest(kind, turn)])
+        place[2] -= rng.uniform(0.0, 6e-4)
+        more, count = uncertified(engine, place, turn)
+        bad += more
+        nodes += [engine.contacts.nodes[:count].sum()] * (count > 0)
+    assert len(nodes) > 20
+    assert bad == 0
+    assert np.median(nodes) < 2000
+
+
 def test_a_contact_that_the_search_has_not_found_by_its_end_is_told():
     """With few boxes, two rough capsules may be taken for apart: then `count` says so."""
     geom = '<geom type="capsule" size="0.002 0.006" mass="0.05"/>'
