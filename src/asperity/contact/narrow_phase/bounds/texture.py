@@ -171,7 +171,7 @@ def top_over(textures, patch, x0, x1, y0, y1):
         if mapping == CYLINDRICAL:
             u0, u1, v0, v1 = _box_on_cylinder(patch, (x0, x1, y0, y1), least, most)
         else:
-            u0, u1, v0, v1 = _box_on_map(patch, box, least, most)
+            u0, u1, v0, v1 = _box_on_planar_map(patch, box, least, most)
         top = texture_top(textures, k, u0, u1, v0, v1)
     return bounds_of(top, _NO_SLOPES, normal, least, most)
 
@@ -203,7 +203,7 @@ def with_slopes(textures, patch, x0, x1, y0, y1, over):
         turn += patch.map_root * r2
         slowest = max(min(stretch, 1.0) - patch.map_root * r1, 0.0)
     else:
-        u0, u1, v0, v1 = _box_on_map(patch, box, least, most)
+        u0, u1, v0, v1 = _box_on_planar_map(patch, box, least, most)
         speed = patch.map_max + patch.map_root * r1
         turn = patch.map_root * r2
         slowest = max(patch.map_min - patch.map_root * r1, 0.0)
@@ -255,7 +255,7 @@ def _box_on_cylinder(patch, box, least, most):
 
 
 @small_kernel
-def _box_on_map(patch, box, least, most):
+def _box_on_planar_map(patch, box, least, most):
     """Return the rectangle u0, u1, v0, v1 that a box (x, y, half_x, half_y) covers on a planar map.
 
     `least` and `most` bound the root.
