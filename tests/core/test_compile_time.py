@@ -89,8 +89,16 @@ def test_an_inner_kernel_that_returns_an_array_is_refused():
         _of_the_first_two(np.ones(3))
 
 
-def printed(code, folder):
-    """Return the lines that a program prints, which runs in a folder and keeps its cache there."""
+def printed(name, good, bad, counts, folder):
+    """Return what a program prints that calls the kernel `name` of the module `outer_name`.
+
+    Its result for the argument `good`, the error for `bad`, and `counts`; it runs in a folder, and
+    keeps its cache there.
+    """
+    code = (
+        f"from outer_{name} import {name}\nimport numpy as np\nprint({name}({good}))\n"
+        f"try:\n    {name}({bad})\nexcept ValueError as e:\n    print(e.args)\n{counts}"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=folder,
         env=os.environ | {"NUMBA_CACHE_DIR": str(folder / "cache")},
@@ -122,14 +130,8 @@ def test_inner_kernels_come_from_the_cache_for_others_and_their_errors_with_them
     head = "from inner_ones import quarter\nfrom asperity._core.kernels import kernel\n@kernel"
     for name, more in (("first", 1), ("second", 2)):
         (tmp_path / f"outer_{name}.py").write_text(head + outer.format(name=name, more=more))
-    told = []
-    for name in ("first", "second", "second"):
-        run = (
-            f"from outer_{name} import {name}\nimport inner_ones\nprint({name}(12))\n"
-            f"try:\n    {name}(6)\nexcept ValueError as e:\n    print(e.args)\n"
-            "print(sum(inner_ones.quarter._cache_hits.values()))"
-        )
-        told.append(printed(run, tmp_path))
+    counts = "import inner_ones; print(sum(inner_ones.quarter._cache_hits.values()))"
+    told = [printed(name, "12", "6", counts, tmp_path) for name in ("first", "second", "second")]
     error = "('not even',)"
     # The third finds its own kernel and asks for no inner one.
     assert told == [["4", error, "0"], ["5", error, "1"], ["5", error, "0"]]
@@ -169,14 +171,11 @@ def test_separate_kernels_are_called_where_they_lie_and_found_again(tmp_path):
         (tmp_path / f"outer_{name}.py").write_text(SEPARATE_CALLER.format(name=name, more=more))
 
     def run(name):
-        code = (
-            f"from outer_{name} import {name}\nimport separate_ones, numpy as np\n"
-            f"print({name}(np.arange(4.0)))\n"
-            f"try:\n    {name}(np.ones(3))\nexcept ValueError as e:\n    print(e.args)\n"
-            "print(sum(separate_ones.total._cache_hits.values()), "
-            f"sum(separate_ones.total._cache_misses.values()), sum({name}._cache_hits.values()))"
+        counts = (
+            "from separate_ones import total\nprint(sum(total._cache_hits.values()), "
+            f"sum(total._cache_misses.values()), sum({name}._cache_hits.values()))"
         )
-        return printed(code, tmp_path)
+        return printed(name, "np.arange(4.0)", "np.ones(3)", counts, tmp_path)
 
     error = "('not even',)"
     assert run("first") == ["19.0", error, "0 1 0"]

@@ -35,7 +35,7 @@ HELPERS = "ASPERITY_COMPILE_HELPERS"
 _MOST_HELPERS = 3
 _WORTH_HELP = 8
 """Kernels that a process compiles before it starts helpers, which need seconds to start."""
-_PATIENCE = 10.0
+_IDLE_TIME = 10.0
 """Time without work after which a helper ends [s]."""
 _START = "from asperity._core.shared_compilation import help_parent; help_parent()"
 
@@ -178,7 +178,7 @@ def helpers() -> int:
 def help_parent() -> None:
     """Compile what the kernels call that standard input names, one after the other.
 
-    Returns when there was no task for `_PATIENCE` seconds. Ends with the parent process.
+    Returns when there was no task for `_IDLE_TIME` seconds. Ends with the parent process.
     """
     tasks: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
@@ -191,7 +191,7 @@ def help_parent() -> None:
     threading.Thread(target=receive, daemon=True).start()
     with suppress(queue.Empty):
         while True:
-            sys.path[:], module, name, arguments, modules = tasks.get(timeout=_PATIENCE)
+            sys.path[:], module, name, arguments, modules = tasks.get(timeout=_IDLE_TIME)
             with suppress(Exception):  # the parent meets it too
                 kernel = getattr(importlib.import_module(module), name)
                 with left_to_others(kernel):
