@@ -23,9 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, kernel
-from asperity.contact.narrow_phase.displaced_surface import height_at, parameters_at
+from asperity.contact.narrow_phase.displaced_surface import height_at
 from asperity.contact.narrow_phase.facet_patch import fill_facet_patch
 from asperity.contact.narrow_phase.records import PATCH, POINT
+from asperity.contact.narrow_phase.smooth_base import parameters_at
 from asperity.contact.narrow_phase.steep_plane import FLATTEST
 from asperity.contact.solver import ContactSolver
 from asperity.geometry.bodies import Body, Geom

@@ -12,8 +12,9 @@ from asperity.contact.body_pair import BodyPair
 from asperity.contact.narrow_phase.bounds.curvature import third_of_texture
 from asperity.contact.narrow_phase.bounds.texture import bounds_of, plane_slopes, texture_over
 from asperity.contact.narrow_phase.bounds.triplanar import mixing, shares_over
-from asperity.contact.narrow_phase.displaced_surface import height_on, root_at
+from asperity.contact.narrow_phase.displaced_surface import height_on
 from asperity.contact.narrow_phase.plane_boxes import plane_normal
+from asperity.contact.narrow_phase.smooth_base import root_at
 from asperity.contact.narrow_phase.surface_patch import TRIPLANAR
 from asperity.geometry.bodies import Body, Geom
 from asperity.texture.height_field import HeightField
@@ -40,8 +41,9 @@ def _bounds(textures, patch, box, out):
     root = (0.5 * (least + most), 0.5 * (most - least))
     shares = shares_over(patch, (x, y, half_x, half_y), root)
     m, one, two = shares
-    out[4 + (m + 1) % 3], out[4 + (m + 2) % 3] = one, two
+    out[4 + (m + 1) % 3], out[4 + (m + 2) % 3] = one.most, two.most
     out[4 + m] = 1.0
+    out[9 + (m + 1) % 3], out[9 + (m + 2) % 3] = one.least, two.least
     out[7], out[8] = mixing(shares)
 
 
@@ -111,7 +113,7 @@ def test_no_place_of_a_box_is_beyond_its_bounds(kind, tilt):
 def within_bounds(textures, patch, box, rng):
     """Return the bounds over a box and its largest second derivative, after places were held to \
 those."""
-    found, h = np.zeros(9), np.zeros((200, 6))
+    found, h = np.zeros(12), np.zeros((200, 6))
     _bounds(textures, patch, box, found)
     places = rng.uniform(box[[0, 2]], box[[1, 3]], (200, 2))
     _heights(textures, patch, places, h)
@@ -123,6 +125,7 @@ those."""
     if patch["mapping"] == TRIPLANAR:
         shares, _ = weights_of(patch, places)
         assert (shares.max(axis=0) <= found[4:7] + 1e-9).all()
+        assert (shares.min(axis=0) >= found[9:12] - 1e-9).all()
     return found, bends.max()
 
 
@@ -215,7 +218,7 @@ def test_weights_change_no_faster_than_they_are_said_to(kind, tilt):
     assert turning
     for patch in turning:
         x0, x1, y0, y1 = patch["rectangle"]
-        at, found = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)]), np.zeros(9)
+        at, found = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)]), np.zeros(12)
         side = 0.1 * min(x1 - x0, y1 - y0)
         _bounds(textures, patch, at[[0, 0, 1, 1]] + side * np.array([-1, 1, -1, 1]), found)
         for way in ([1.0, 0.0], [0.0, 1.0], [0.6, -0.8]):

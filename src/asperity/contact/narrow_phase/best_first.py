@@ -29,7 +29,6 @@ from asperity.contact.narrow_phase.branch_and_bound import (
     resolve_leaf,
     search_pair,
 )
-from asperity.contact.narrow_phase.displaced_surface import parameters_over
 from asperity.contact.narrow_phase.incumbent import is_spent, pruning_threshold, record_maximum
 from asperity.contact.narrow_phase.leaves import resolve_once
 from asperity.contact.narrow_phase.newton_ascent import newton_ascent
@@ -42,6 +41,7 @@ from asperity.contact.narrow_phase.patch_pair import (
     sides_of,
 )
 from asperity.contact.narrow_phase.plane_boxes import beyond_straight_borders
+from asperity.contact.narrow_phase.smooth_base import parameters_over
 
 _LAST, _LAST_CUT = 16, 2
 """Number of ascents from open boxes once the node budget, or the time, is spent."""

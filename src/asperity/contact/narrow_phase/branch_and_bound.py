@@ -13,16 +13,15 @@ from __future__ import annotations
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity.contact.narrow_phase.bounds.borders import beyond_borders
 from asperity.contact.narrow_phase.bounds.compliance import lowering_over
 from asperity.contact.narrow_phase.bounds.curvature import CONCAVE, QUADRATIC, UNEVALUATED
-from asperity.contact.narrow_phase.bounds.limits import beyond_borders
 from asperity.contact.narrow_phase.bounds.overlap import (
     general_bound,
-    raised_base_bound,
     sphere_bound,
 )
 from asperity.contact.narrow_phase.bounds.plane_overlap import plane_bound
-from asperity.contact.narrow_phase.displaced_surface import parameters_at
+from asperity.contact.narrow_phase.bounds.smooth_bases import raised_base_bound
 from asperity.contact.narrow_phase.flat_on_flat import deepest_of_planes, is_straight
 from asperity.contact.narrow_phase.incumbent import TIE, is_spent, pruning_threshold, record_maximum
 from asperity.contact.narrow_phase.newton_ascent import is_within, newton_ascent
@@ -39,6 +38,7 @@ from asperity.contact.narrow_phase.patch_pair import (
     window_under_sphere,
 )
 from asperity.contact.narrow_phase.records import MAX_STACK
+from asperity.contact.narrow_phase.smooth_base import parameters_at
 from asperity.contact.narrow_phase.start_boxes import start_boxes
 from asperity.contact.narrow_phase.tighten import tighten_bound
 

@@ -17,7 +17,8 @@ from __future__ import annotations
 import math
 
 from asperity._core.kernels import inner_kernel
-from asperity.contact.narrow_phase.displaced_surface import height_on, root_at
+from asperity.contact.narrow_phase.displaced_surface import height_on
+from asperity.contact.narrow_phase.smooth_base import root_at
 
 _LEVEL_SLOPE, _LEVEL_BEND = 1e-12, 1e-6
 """Slope [-] and curvature [1/m] below which lowering counts as constant."""

@@ -13,8 +13,23 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity.contact.narrow_phase.bounds.texture import map_speed
 from asperity.contact.narrow_phase.displaced_plane import lift_plane, place_on_plane
-from asperity.contact.narrow_phase.outermost import highest_over, lean_at, may_fold
+from asperity.contact.narrow_phase.outermost import (
+    base_of,
+    curved_lean,
+    highest_on_curved,
+    highest_over,
+    lean_at,
+    may_fold,
+    may_fold_near,
+)
+from asperity.contact.narrow_phase.smooth_base import (
+    base_height_at,
+    parameters_at,
+    root_at,
+    within_ellipse,
+)
 from asperity.contact.narrow_phase.surface_patch import CYLINDRICAL, PLANAR, entries
 from asperity.texture.packed import texture_at
 
@@ -23,33 +38,13 @@ _CONVERGED = 1e-16
 """Lateral residual at which Newton's method ends [m]."""
 NO_WEIGHT = 1e-12
 """Weight of one of a triplanar map's three maps below which it is ignored."""
+_DESCENTS = 24
+_NEAR_SHEET = 1e-6
+"""Distance from a folded sheet at which Newton's method starts [m]."""
 _NEAR = 1e-9
 """Half side of the box around a single point [m]."""
 _LINEAR = 1e-12
 """Residual on a plane below which the last step is linear [m]: slopes differ by 1e-8."""
-
-
-@small_kernel
-def ellipse_form(patch, x, y):
-    """Return a^T E a, which is 1 on the ellipse that bounds a curved patch."""
-    e11, e12, e22 = patch.ellipse[0], patch.ellipse[1], patch.ellipse[2]
-    return x * (e11 * x + e12 * y) + y * (e12 * x + e22 * y)
-
-
-@small_kernel
-def root_at(patch, x, y):
-    """Return the root r and r_x, r_y, r_xx, r_xy, r_yy; r is nan beyond the patch's ellipse."""
-    if patch.bulge == 0.0:
-        return 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    e11, e12, e22 = patch.ellipse[0], patch.ellipse[1], patch.ellipse[2]
-    qx, qy = e11 * x + e12 * y, e12 * x + e22 * y
-    r = math.sqrt(1.0 - x * qx - y * qy)
-    over = 1.0 / r
-    r_x, r_y = -qx * over, -qy * over
-    return (
-        r, r_x, r_y,
-        -(e11 + r_x * r_x) * over, -(e12 + r_x * r_y) * over, -(e22 + r_y * r_y) * over,
-    )  # fmt: skip
 
 
 @small_kernel
@@ -238,51 +233,25 @@ def surface_at(textures, patch, x, y, out):
         out.p_yy[i] += t_yy * w + 2.0 * t_y * w_y + t * w_yy
 
 
-@small_kernel
-def place_at(patch, x, y):
-    """Return (u, v) of the base point at the parameters (x, y)."""
-    return (
-        patch.origin[0] + patch.lateral[0, 0] * x + patch.lateral[0, 1] * y,
-        patch.origin[1] + patch.lateral[1, 0] * x + patch.lateral[1, 1] * y,
-    )
+@inner_kernel
+def _descend(textures, patch, x, y, height):
+    """Return, nearly, the base of a curved patch's outermost point over the base point (x, y).
 
-
-@small_kernel
-def parameters_at(patch, u, v):
-    """Return the parameters (x, y) of the base point at (u, v)."""
-    du, dv = u - patch.origin[0], v - patch.origin[1]
-    i, j, k, m = entries(patch.lateral_inverse)
-    return i * du + j * dv, k * du + m * dv
-
-
-@small_kernel
-def base_height_at(patch, u, v):
-    """Return z, z_u, z_v, z_uu, z_uv, z_vv of the smooth base at (u, v); nan beyond its ellipse."""
-    x, y = parameters_at(patch, u, v)
-    r, r_x, r_y, r_xx, r_xy, r_yy = root_at(patch, x, y)
-    c = patch.bulge
-    i, j, k, m = entries(patch.lateral_inverse)
-    z_x, z_y = patch.slope[0] + c * r_x, patch.slope[1] + c * r_y
-    z = patch.origin[2] + patch.slope[0] * x + patch.slope[1] * y + c * r
-    k11 = c * (i * (r_xx * i + r_xy * k) + k * (r_xy * i + r_yy * k))
-    k12 = c * (i * (r_xx * j + r_xy * m) + k * (r_xy * j + r_yy * m))
-    k22 = c * (j * (r_xx * j + r_xy * m) + m * (r_xy * j + r_yy * m))
-    return z, i * z_x + k * z_y, j * z_x + m * z_y, k11, k12, k22
-
-
-@small_kernel
-def parameters_over(patch, other):
-    """Return b0, b1, b2, c0, c1, c2: the parameters of `other` over (x, y) of `patch`.
-
-    They are `b0 + b1 x + b2 y` and `c0 + c1 x + c2 y`, those of base points at the same (u, v).
+    From `height`, above all points there, it goes down no further than the texture's largest slope
+    allows, and so does not pass the outermost sheet.
     """
-    i, j, k, m = entries(other.lateral_inverse)
-    q11, q12, q21, q22 = entries(patch.lateral)
-    du, dv = patch.origin[0] - other.origin[0], patch.origin[1] - other.origin[1]
-    return (
-        i * du + j * dv, i * q11 + j * q21, i * q12 + j * q22,
-        k * du + m * dv, k * q11 + m * q21, k * q12 + m * q22,
-    )  # fmt: skip
+    at_x, at_y = base_of(patch, x, y, height)
+    most = textures.maps[patch.texture].max_slope
+    for _ in range(_DESCENTS):
+        at_x, at_y = within_ellipse(patch, at_x, at_y, 0.5 * patch.min_root)
+        root = root_at(patch, at_x, at_y)
+        gap = height - height_on(textures, patch, patch.texture, at_x, at_y, root)[0]
+        if gap < _NEAR_SHEET:
+            break
+        d_x, d_y = curved_lean(patch, at_x, at_y)
+        height -= gap / (1.0 + most * map_speed(patch, root[0]) * math.sqrt(d_x * d_x + d_y * d_y))
+        at_x, at_y = x - height * d_x, y - height * d_y
+    return at_x, at_y
 
 
 @inner_kernel
@@ -312,13 +281,13 @@ def height_at(textures, patch, u, v, point):
             j * (t_xx * j + t_xy * m) + m * (t_xy * j + t_yy * m),
             x, y,
         )  # fmt: skip
-    # Start inside the ellipse: the shift is small, and selects the side of the rim.
     if patch.bulge > 0.0:
-        inside = ellipse_form(patch, x, y)
-        most = 1.0 - 0.25 * patch.min_root**2
-        if inside > most:
-            scale = math.sqrt(most / inside)
-            x, y = x * scale, y * scale
+        if may_fold_near(textures, patch, x, y, 0.0):
+            height = highest_on_curved(textures, patch, (x, y, _NEAR, _NEAR))
+            if height > -np.inf:
+                x, y = _descend(textures, patch, x, y, height)
+        # Start inside the ellipse: the shift is small, and selects the side of the rim.
+        x, y = within_ellipse(patch, x, y, 0.5 * patch.min_root)
     else:
         if may_fold(textures, patch):
             height = highest_over(textures, patch, (x, y, _NEAR, _NEAR))

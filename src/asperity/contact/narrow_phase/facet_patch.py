@@ -7,7 +7,7 @@ import math
 from asperity._core.kernels import inner_kernel
 from asperity._core.records import clear_record
 from asperity._core.stack import stack_array
-from asperity.contact.narrow_phase.displaced_surface import place_at
+from asperity.contact.narrow_phase.smooth_base import place_at
 from asperity.contact.narrow_phase.steep_plane import lower_steep
 from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, fill_lateral, fill_properties
 

@@ -11,9 +11,9 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel
-from asperity.contact.narrow_phase.displaced_surface import parameters_over
 from asperity.contact.narrow_phase.overlap import overlap_at
 from asperity.contact.narrow_phase.polygon import clip
+from asperity.contact.narrow_phase.smooth_base import parameters_over
 
 _SLACK = 1e-15
 """Distance by which sides are moved outwards against rounding where two edges meet [m]."""

@@ -13,8 +13,8 @@ from asperity.contact.narrow_phase.displaced_surface import (
     NO_WEIGHT,
     cylindrical_place,
     planar_place,
-    root_at,
 )
+from asperity.contact.narrow_phase.smooth_base import root_at
 from asperity.contact.narrow_phase.surface_patch import CYLINDRICAL, PLANAR
 from asperity.texture.packed import linear_at
 

@@ -20,12 +20,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import clear, inner_kernel, kernel, separate_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.narrow_phase.displaced_surface import (
-    base_height_at,
-    height_on,
-    parameters_at,
-    root_at,
-)
+from asperity.contact.narrow_phase.displaced_surface import height_on
 from asperity.contact.narrow_phase.incumbent import begin_search
 from asperity.contact.narrow_phase.load import (
     FOUND,
@@ -35,6 +30,7 @@ from asperity.contact.narrow_phase.load import (
     settle_load,
 )
 from asperity.contact.narrow_phase.penetration import fill_penetration, search_candidates
+from asperity.contact.narrow_phase.smooth_base import base_height_at, parameters_at, root_at
 from asperity.contact.narrow_phase.surface_patch import entries, fill_patches, stretch_plane
 
 

@@ -18,8 +18,9 @@ import numpy as np
 
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.narrow_phase.displaced_surface import height_at, root_at
+from asperity.contact.narrow_phase.displaced_surface import height_at
 from asperity.contact.narrow_phase.geom_depth import fill_facing_patches
+from asperity.contact.narrow_phase.smooth_base import root_at
 
 
 @inner_kernel

@@ -8,10 +8,10 @@ the gradient of the overlap is a sum of those of the active limits, with non-neg
 from __future__ import annotations
 
 from asperity._core.kernels import inner_kernel
-from asperity.contact.narrow_phase.displaced_surface import base_height_at, place_at
 from asperity.contact.narrow_phase.overlap import limits_at
 from asperity.contact.narrow_phase.patch_pair import searches_a
 from asperity.contact.narrow_phase.slope_normal import ON_EDGE
+from asperity.contact.narrow_phase.smooth_base import base_height_at, place_at
 
 _PARALLEL = 1e-9
 """Squared sine of the angle between limits below which they count as parallel."""

@@ -18,15 +18,13 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity.contact.narrow_phase.compliance import lower
-from asperity.contact.narrow_phase.displaced_surface import (
+from asperity.contact.narrow_phase.displaced_surface import height_at, height_on, surface_at
+from asperity.contact.narrow_phase.smooth_base import (
     base_height_at,
     ellipse_form,
-    height_at,
-    height_on,
     parameters_at,
     place_at,
     root_at,
-    surface_at,
 )
 from asperity.contact.narrow_phase.surface_patch import entries
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
-from asperity.contact.narrow_phase.displaced_surface import parameters_at, place_at
 from asperity.contact.narrow_phase.plane_boxes import lateral_shift
+from asperity.contact.narrow_phase.smooth_base import parameters_at, place_at
 from asperity.contact.narrow_phase.sphere_on_plane import is_sphere_on_plane
 from asperity.contact.narrow_phase.surface_patch import entries
 

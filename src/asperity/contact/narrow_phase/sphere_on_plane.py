@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from asperity._core.kernels import inner_kernel, small_kernel
-from asperity.contact.narrow_phase.displaced_surface import parameters_at
+from asperity.contact.narrow_phase.smooth_base import parameters_at
 from asperity.contact.narrow_phase.surface_patch import PLANAR
 from asperity.texture.packed import texture_at
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity.contact.narrow_phase.bounds.compliance import lowering_over
 from asperity.contact.narrow_phase.bounds.plane_pairs import bound_pair, top_bound
-from asperity.contact.narrow_phase.displaced_surface import parameters_at, place_at
 from asperity.contact.narrow_phase.incumbent import TIE
 from asperity.contact.narrow_phase.overlap import limits_at, overlap_at
 from asperity.contact.narrow_phase.patch_pair import pair_shift, searches_a, window_of
+from asperity.contact.narrow_phase.smooth_base import parameters_at, place_at
 from asperity.contact.narrow_phase.surface_patch import entries
 
 ON_BORDER = 1e-9

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity.contact.narrow_phase.bounds.borders import is_apart
 from asperity.contact.narrow_phase.bounds.compliance import lowering_over
 from asperity.contact.narrow_phase.bounds.curvature import (
     FINEST_OVERHANG,
@@ -19,13 +20,12 @@ from asperity.contact.narrow_phase.bounds.curvature import (
     curvature_bound,
     drift_of,
 )
-from asperity.contact.narrow_phase.bounds.limits import is_apart
 from asperity.contact.narrow_phase.bounds.sheets import largest_slope, nearby, over_box
 from asperity.contact.narrow_phase.bounds.texture import smooth_bounds
-from asperity.contact.narrow_phase.displaced_surface import parameters_at, parameters_over
 from asperity.contact.narrow_phase.outermost import highest_over, may_fold
 from asperity.contact.narrow_phase.overlap import overlap_at
 from asperity.contact.narrow_phase.plane_boxes import lateral_shift, plane_normal, texture_size
+from asperity.contact.narrow_phase.smooth_base import parameters_at, parameters_over
 
 
 @small_kernel

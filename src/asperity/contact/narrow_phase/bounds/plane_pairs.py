@@ -13,8 +13,8 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.narrow_phase.bounds.overlap import order_zero_bound
 from asperity.contact.narrow_phase.bounds.planes import lifts_within, planes_of, under_box
+from asperity.contact.narrow_phase.bounds.smooth_bases import order_zero_bound
 from asperity.contact.narrow_phase.bounds.triplanar import is_triplanar, plane_triplanar_top
 from asperity.contact.narrow_phase.flat_on_flat import plane_overlap
 from asperity.contact.narrow_phase.outermost import highest_over, may_fold

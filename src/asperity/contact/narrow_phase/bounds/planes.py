@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from asperity._core.kernels import small_kernel
-from asperity.contact.narrow_phase.displaced_surface import parameters_over
 from asperity.contact.narrow_phase.plane_boxes import lateral_shift, plane_normal, texture_size
+from asperity.contact.narrow_phase.smooth_base import parameters_over
 from asperity.contact.narrow_phase.surface_patch import entries
 
 

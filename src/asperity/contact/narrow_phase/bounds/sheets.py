@@ -1,4 +1,4 @@
-"""Bounds of a textured plane around one of its points, where a steep texture may fold it."""
+"""Bounds of a textured patch around one of its points, where a steep texture may fold it."""
 
 from __future__ import annotations
 
@@ -7,9 +7,15 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
-from asperity.contact.narrow_phase.bounds.curvature import surface_bend
-from asperity.contact.narrow_phase.bounds.texture import bounds_of, plane_slopes, smooth_bounds
+from asperity.contact.narrow_phase.bounds.curvature import lateral_bend
+from asperity.contact.narrow_phase.bounds.texture import (
+    bounds_of,
+    plane_slopes,
+    smooth_bounds,
+    texture_over,
+)
 from asperity.contact.narrow_phase.plane_boxes import plane_normal
+from asperity.contact.narrow_phase.smooth_base import place_at, root_at, unit_normal
 from asperity.contact.narrow_phase.surface_patch import PLANAR
 
 
@@ -40,16 +46,20 @@ def _least_stretch(point):
 
 @small_kernel
 def _height_of(patch, x, y, point):
-    """Return the height of a displaced plane's point over its base at (x, y), along w [m]."""
-    by_x, by_y, square, along = patch.normal_from_x, patch.normal_from_y, 0.0, 0.0
-    for k in range(3):
-        by_1, by_2 = patch.slope[0], patch.slope[1]
-        if k < 2:
-            by_1, by_2 = patch.lateral[k, 0], patch.lateral[k, 1]
-        w = patch.normal[k] + by_x[k] * x + by_y[k] * y
-        square += w * w
-        along += w * (point.p[k] - patch.origin[k] - by_1 * x - by_2 * y)
-    return along / math.sqrt(square)
+    """Return the height of a displaced point over its base at (x, y), along w [m]."""
+    root = root_at(patch, x, y)[0]
+    u, v = place_at(patch, x, y)
+    z = patch.origin[2] + patch.slope[0] * x + patch.slope[1] * y + patch.bulge * root
+    w = unit_normal(patch, x, y, root)
+    return w[0] * (point.p[0] - u) + w[1] * (point.p[1] - v) + w[2] * (point.p[2] - z)
+
+
+@inner_kernel
+def _around(textures, patch, x, y, reach):
+    """Return the `TextureBounds` of a textured patch within `reach` of (x, y) along both axes."""
+    if patch.bulge > 0.0:
+        return texture_over(textures, patch, x - reach, x + reach, y - reach, y + reach)
+    return over_box(textures, patch, x, y, reach, reach)
 
 
 @inner_kernel
@@ -68,14 +78,22 @@ def nearby(textures, other, travel, highest, search):
     over = smooth_bounds(0.0, 1.0, 1.0)
     if not stretch > 0.0:
         return over, 0.0, np.inf
-    own = 2.0 * travel / stretch
+    own, x, y = 2.0 * travel / stretch, at.other_x, at.other_y
+    size = found.max_abs_surface
     # Base points of points between the centre's sheet and the highest one.
-    slope = largest_slope(
-        textures, other, (at.other_x, at.other_y, own, own), other.normal_slope, other.normal_bend
-    )
-    higher = max(highest - _height_of(other, at.other_x, at.other_y, point), 0.0) + slope * own
-    far = own + higher * other.normal_lateral / other.lateral_min
-    far += found.max_abs_surface * other.normal_slope * own
-    over = over_box(textures, other, at.other_x, at.other_y, far, far)
-    change = surface_bend(textures, other, over, over.lateral) * far
+    higher = max(highest - _height_of(other, x, y, point), 0.0)
+    if other.bulge > 0.0:
+        wide = _around(textures, other, x, y, own + size / other.lateral_min)
+        astray = size * wide.normal_slope / other.lateral_min
+        if astray >= 0.5:
+            return over, 0.0, np.inf
+        higher += wide.slope * own
+        far = own + higher * wide.lateral / other.lateral_min / (1.0 - astray)
+    else:
+        turn = other.normal_slope
+        box = (x, y, own, own)
+        higher += largest_slope(textures, other, box, turn, other.normal_bend) * own
+        far = own + higher * other.normal_lateral / other.lateral_min + size * turn * own
+    over = _around(textures, other, x, y, far)
+    change = lateral_bend(textures, other, over) * far
     return over, (stretch - change if change <= 0.5 * stretch else 0.0), far

@@ -15,8 +15,8 @@ from asperity.contact.narrow_phase.bounds.triplanar import (
     triplanar_slopes,
     triplanar_top,
 )
-from asperity.contact.narrow_phase.displaced_surface import ellipse_form, root_at
 from asperity.contact.narrow_phase.plane_boxes import on_texture, plane_normal
+from asperity.contact.narrow_phase.smooth_base import ellipse_form, root_at, unit_normal
 from asperity.contact.narrow_phase.surface_patch import CYLINDRICAL, PLANAR, TRIPLANAR
 from asperity.texture.highest import texture_top
 from asperity.texture.packed import slope_bounds
@@ -127,21 +127,57 @@ def _curved_normal(patch, x, y, radius, min_root):
     w2 = patch.aspect * (patch.ellipse_max / (low * low * low))
     if not patch.is_unit:
         w2 += 3.0 * w1 * w1
-    # The point of the ellipse at which the normal is taken; its change over the box is bounded.
+    # The normal is taken at a point within the ellipse; its change over the box is bounded.
     scale = 1.0
     if min_root < 0.0:
         out = ellipse_form(patch, x, y)
         scale = min(1.0, math.sqrt((1.0 - low * low) / max(out, 1e-300)))
     wx, wy = x * scale, y * scale
-    root = root_at(patch, wx, wy)[0]
-    n, by_x, by_y = patch.normal, patch.normal_from_x, patch.normal_from_y
-    by_root = patch.normal_from_root
-    w_u = n[0] + by_x[0] * wx + by_y[0] * wy + by_root[0] * root
-    w_v = n[1] + by_x[1] * wx + by_y[1] * wy + by_root[1] * root
-    w_z = n[2] + by_x[2] * wx + by_y[2] * wy + by_root[2] * root
-    size = math.sqrt(w_u * w_u + w_v * w_v + w_z * w_z)
+    w_u, w_v, w_z = unit_normal(patch, wx, wy, root_at(patch, wx, wy)[0])
     change = w1 * (radius + (1.0 - scale) * math.sqrt(x * x + y * y))
-    return w_u / size, w_v / size, w_z / size, change, w1, w2
+    return w_u, w_v, w_z, change, w1, w2
+
+
+@small_kernel
+def root_slope(patch, low):
+    """Return a bound of the root's derivative where a curved patch's root is at least `low`."""
+    return math.sqrt(patch.ellipse_max * max(1.0 - low * low, 0.0)) / low
+
+
+@small_kernel
+def map_speed(patch, low):
+    """Return a bound of the way on a curved patch's map by its parameters, at roots from `low`."""
+    way = patch.map_root * root_slope(patch, low)
+    if patch.mapping == CYLINDRICAL:
+        return math.sqrt((patch.map_stretch / low) ** 2 + (1.0 + way) ** 2)
+    return patch.map_max + way
+
+
+@small_kernel
+def _top_of(textures, patch, box, least, most):
+    """Return the largest height over a box (x, y, half_x, half_y); `least`, `most`: of the root."""
+    k, mapping = patch.texture, patch.mapping
+    if mapping == TRIPLANAR:
+        root = _middle_and_half(least, most)
+        return triplanar_top(textures, patch, box, root, shares_over(patch, box, root))
+    if mapping == CYLINDRICAL:
+        x, y, half_x, half_y = box
+        sides = (x - half_x, x + half_x, y - half_y, y + half_y)
+        u0, u1, v0, v1 = _box_on_cylinder(patch, sides, least, most)
+    else:
+        u0, u1, v0, v1 = _box_on_planar_map(patch, box, least, most)
+    return texture_top(textures, k, u0, u1, v0, v1)
+
+
+@inner_kernel
+def curved_top(textures, patch, box):
+    """Return the largest height over a box (x, y, half_x, half_y) of a curved patch [m].
+
+    It is -inf beyond the patch's ellipse.
+    """
+    x, y, half_x, half_y = box
+    least, most = roots_over(patch, x, y, math.sqrt(half_x * half_x + half_y * half_y))
+    return _top_of(textures, patch, box, least, most) if most >= patch.min_root else -np.inf
 
 
 @inner_kernel
@@ -164,15 +200,7 @@ def top_over(textures, patch, x0, x1, y0, y1):
         normal = _curved_normal(patch, x, y, radius, least)
     else:
         normal = plane_normal(patch, x, y, radius)
-    if mapping == TRIPLANAR:
-        root = _middle_and_half(least, most)
-        top = triplanar_top(textures, patch, box, root, shares_over(patch, box, root))
-    else:
-        if mapping == CYLINDRICAL:
-            u0, u1, v0, v1 = _box_on_cylinder(patch, (x0, x1, y0, y1), least, most)
-        else:
-            u0, u1, v0, v1 = _box_on_planar_map(patch, box, least, most)
-        top = texture_top(textures, k, u0, u1, v0, v1)
+    top = _top_of(textures, patch, box, least, most)
     return bounds_of(top, _NO_SLOPES, normal, least, most)
 
 
@@ -190,15 +218,14 @@ def with_slopes(textures, patch, x0, x1, y0, y1, over):
     low, r1, r2 = max(least, 0.5 * patch.min_root), 0.0, 0.0
     if patch.bulge > 0.0:
         # Bounds of the root's first and second derivatives.
-        r1 = math.sqrt(patch.ellipse_max * max(1.0 - low * low, 0.0)) / low
+        r1 = root_slope(patch, low)
         r2 = patch.ellipse_max / (low * low * low)
     if mapping == TRIPLANAR:
         return _with(over, _curved_triplanar_slopes(textures, patch, box, (r1, r2), over))
     if mapping == CYLINDRICAL:
         u0, u1, v0, v1 = _box_on_cylinder(patch, (x0, x1, y0, y1), least, most)
-        reach = 1.0 + patch.map_root * r1
         stretch = patch.map_stretch
-        speed = math.sqrt((stretch / low) ** 2 + reach * reach)
+        speed = map_speed(patch, low)
         turn = math.sqrt(max(1.0 - low * low, 0.0)) * stretch / (patch.radius * low * low * low)
         turn += patch.map_root * r2
         slowest = max(min(stretch, 1.0) - patch.map_root * r1, 0.0)

@@ -1,18 +1,19 @@
 """Bounds of a triplanar map over a box of a patch: three maps, blended by the normal.
 
 The height is `t = sum of a_i t_i` with the weights `a_i = w_i^4 / sum of w^4`, w the normal and t_i
-the map along axis i. The weights sum to 1, so with m the map of largest weight and a_i the largest
-weights of the others,
+the map along axis i. The weights sum to 1, so with m the map of largest weight,
 
-    t <= top_m + sum over i != m of a_i max(top_i - top_m, 0),
+    t <= top_m + sum over i != m of a_i (top_i - top_m),
 
-and likewise for slopes and second derivatives. Over a facet with normals near an axis the weights
+a_i the largest weight over the box where top_i is above top_m, otherwise the least; and likewise
+for slopes and second derivatives. Over a facet with normals near an axis the weights
 of the other maps and the derivatives of all weights are small.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from asperity._core.kernels import small_kernel
 from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, singular_values
@@ -28,6 +29,13 @@ _SMALL_WEIGHT = 1e-2
 """Weight below which a map has the bound of the whole texture."""
 
 
+class Share(NamedTuple):
+    """Range of the weight of one of three maps over a box."""
+
+    least: float
+    most: float
+
+
 @small_kernel
 def is_triplanar(patch):
     """Return whether a patch has a triplanar map."""
@@ -36,7 +44,7 @@ def is_triplanar(patch):
 
 @small_kernel
 def shares_over(patch, box, root):
-    """Return the map of largest weight over a box, and the largest weights of the next two.
+    """Return the map m of largest weight over a box, and `Share`s of the next two, m + 1 and m + 2.
 
     `box` is (x, y, half_x, half_y); `root` is the middle and half the range of the root over it.
     """
@@ -45,8 +53,10 @@ def shares_over(patch, box, root):
         least, _ = _component(patch, i, box, root)
         if least > low:
             low, m = least, i
-    one = _share(patch, (m + 1) % 3, low, box, root)
-    return m, one, _share(patch, (m + 2) % 3, low, box, root)
+    one, two = (m + 1) % 3, (m + 2) % 3
+    of_m = _component(patch, m, box, root)
+    of_one, of_two = _component(patch, one, box, root), _component(patch, two, box, root)
+    return m, _share(patch, of_one, of_m, of_two), _share(patch, of_two, of_m, of_one)
 
 
 @small_kernel
@@ -61,14 +71,22 @@ def _component(patch, i, box, root):
 
 
 @small_kernel
-def _share(patch, i, low, box, root):
-    """Return the largest weight of a map where the normal's component of another is >= `low`."""
-    _, most = _component(patch, i, box, root)
-    most, low = most**4, low**4
+def _share(patch, of_map, of_m, of_third):
+    """Return the `Share` of a map, from the ranges of the components of w along all three axes."""
+    most, low = of_map[1] ** 4, of_m[0] ** 4
     # `height_on` ignores so small a weight.
-    if patch.is_unit and most < 1e-12:
-        return 0.0
-    return most / (most + low) if most > 0.0 else 0.0
+    if (patch.is_unit and most < 1e-12) or most == 0.0:
+        return Share(0.0, 0.0)
+    least = of_map[0] ** 4
+    others = of_m[1] ** 4 + of_third[1] ** 4
+    return Share(least / (least + others), most / (most + low))
+
+
+@small_kernel
+def _blended(value_m, value, share):
+    """Return what a map adds to the bound by the map of largest weight, `value_m`."""
+    more = value - value_m
+    return more * (share.most if more > 0.0 else share.least)
 
 
 @small_kernel
@@ -81,7 +99,7 @@ def mixing(shares):
     """
     _, one, two = shares
     first = second = 0.0
-    for a in (one, two):
+    for a in (one.most, two.most):
         root = math.sqrt(a)
         higher = root * math.sqrt(root)
         first += 2.0 * 1.3161 * (4.0 * higher + 4.0 * a)
@@ -112,10 +130,10 @@ def triplanar_top(textures, patch, box, root, shares):
     top = high = texture_top(textures, k, u0, u1, v0, v1)
     for n in range(1, 3):
         share, other = (one if n == 1 else two), textures.maps[k].highest
-        if share >= _SMALL_WEIGHT:
+        if share.most >= _SMALL_WEIGHT:
             u0, u1, v0, v1 = _box_on_map(patch, (m + n) % 3, box, root)
             other = texture_top(textures, k, u0, u1, v0, v1)
-        high += share * max(other - top, 0.0)
+        high += _blended(top, other, share)
     return high
 
 
@@ -140,10 +158,10 @@ def triplanar_slopes(textures, patch, box, root, shares, root_slopes):
     for n in range(1, 3):
         share = one if n == 1 else two
         slope_i, bend_i = textures.maps[k].max_slope, textures.maps[k].max_curvature
-        if share >= _SMALL_WEIGHT or root_slopes[1] > 0.0:
+        if share.most >= _SMALL_WEIGHT or root_slopes[1] > 0.0:
             slope_i, bend_i = _slopes_of(textures, patch, (m + n) % 3, box, root, root_slopes)
-        slope += share * max(slope_i - slope_m, 0.0)
-        bend += share * max(bend_i - bend_m, 0.0)
+        slope += _blended(slope_m, slope_i, share)
+        bend += _blended(bend_m, bend_i, share)
     return slope, bend
 
 
