@@ -72,7 +72,7 @@ def may_fold_near(textures, patch, x, y, radius):
     return slope * lateral + turn * patch.lateral_min * size >= patch.lateral_min
 
 
-@small_kernel
+@inner_kernel
 def _turn_near(textures, patch, x, y, radius):
     """Return a bound of |d'| where base points within `radius` of (x, y) may be [1/m].
 
@@ -114,7 +114,7 @@ def base_of(patch, x, y, height):
     return x - height * d_x, y - height * d_y
 
 
-@small_kernel
+@inner_kernel
 def _curved_base_over(patch, box, middle, half, turn):
     """Return the box of base points of heights `middle` +- `half` over a box of a curved patch.
 

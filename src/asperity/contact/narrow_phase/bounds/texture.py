@@ -153,7 +153,7 @@ def map_speed(patch, low):
     return patch.map_max + way
 
 
-@small_kernel
+@inner_kernel
 def _top_of(textures, patch, box, least, most):
     """Return the largest height over a box (x, y, half_x, half_y); `least`, `most`: of the root."""
     k, mapping = patch.texture, patch.mapping

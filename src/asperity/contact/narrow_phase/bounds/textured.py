@@ -44,7 +44,7 @@ from asperity.contact.narrow_phase.smooth_base import (
 )
 
 
-class Part(NamedTuple):
+class OtherPart(NamedTuple):
     """The part of the other patch that may be under a box, in its own parameters."""
 
     x: float
@@ -59,22 +59,22 @@ class Part(NamedTuple):
 
 @small_kernel
 def _part_around(textures, other, x, y, reach_x, reach_y):
-    """Return the `Part` of the other patch around a point, with bounds but those of slopes."""
+    """Return the `OtherPart` of the other patch around a point, with bounds but those of slopes."""
     over = top_over(textures, other, x - reach_x, x + reach_x, y - reach_y, y + reach_y)
-    return Part(x, y, reach_x, reach_y, over)
+    return OtherPart(x, y, reach_x, reach_y, over)
 
 
 @small_kernel
 def _with_slopes(textures, other, part):
-    """Return a `Part` with bounds of slopes."""
+    """Return a `OtherPart` with bounds of slopes."""
     x, y, reach_x, reach_y, over = part
     sides = (x - reach_x, x + reach_x, y - reach_y, y + reach_y)
-    return Part(x, y, reach_x, reach_y, with_slopes(textures, other, *sides, over))
+    return OtherPart(x, y, reach_x, reach_y, with_slopes(textures, other, *sides, over))
 
 
 @inner_kernel
 def _widest_part(textures, patch, other, box, shift):
-    """Return the `Part` under a box (x, y, half_x, half_y), however its points are displaced.
+    """Return the `OtherPart` under a box (x, y, half_x, half_y), however its points are displaced.
 
     `shift` bounds the lateral displacement of the points over the box [m].
     """
@@ -87,7 +87,7 @@ def _widest_part(textures, patch, other, box, shift):
     reach_x = reach_y = reach / other.lateral_min
     if other.texture < 0:
         least, most = roots_over(other, x, y, reach_x)
-        return Part(x, y, reach_x, reach_y, smooth_bounds(0.0, least, most))
+        return OtherPart(x, y, reach_x, reach_y, smooth_bounds(0.0, least, most))
     if is_explicit and shift == 0.0:
         _, b1, b2, _, c1, c2 = parameters_over(patch, other)
         reach_x = abs(b1) * half_x + abs(b2) * half_y
@@ -108,7 +108,7 @@ def _highest_on_plane(textures, patch, other, box, shift, part):
 
 @inner_kernel
 def _part_along_normal(textures, other, part, highest, travel, u, v):
-    """Return the `Part` under a box of which one point is at (u, v), the others within `travel`.
+    """Return the `OtherPart` under a box of which one point is at (u, v), the others within `travel`.
 
     A point is displaced along its normal by a height between the lowest and `highest`: so the base
     points of all that lie under one place are near a segment along the normal's lateral part.
