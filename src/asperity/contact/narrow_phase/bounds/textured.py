@@ -108,7 +108,7 @@ def _highest_on_plane(textures, patch, other, box, shift, part):
 
 @inner_kernel
 def _part_along_normal(textures, other, part, highest, travel, u, v):
-    """Return the `OtherPart` under a box of which one point is at (u, v), the others within `travel`.
+    """Return the `OtherPart` under a box with a point at (u, v) and the others within `travel`.
 
     A point is displaced along its normal by a height between the lowest and `highest`: so the base
     points of all that lie under one place are near a segment along the normal's lateral part.
