@@ -9,7 +9,7 @@ from test_triplanar import curved_patches_of
 from asperity._core.kernels import kernel
 from asperity.contact.body_pair import BodyPair
 from asperity.contact.narrow_phase.displaced_surface import height_at, height_on, surface_at
-from asperity.contact.narrow_phase.outermost import highest_on_curved
+from asperity.contact.narrow_phase.outermost import highest_over
 from asperity.contact.narrow_phase.records import POINT
 from asperity.contact.narrow_phase.smooth_base import parameters_at, root_at
 from asperity.geometry.bodies import Body, Geom
@@ -41,7 +41,7 @@ def _points(textures, patch, bases, point, out):
 def _highest(textures, patch, boxes, out):
     for i in range(boxes.shape[0]):
         box = (boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3])
-        out[i] = highest_on_curved(textures, patch, box)
+        out[i] = highest_over(textures, patch, box)
 
 
 @kernel

@@ -18,7 +18,6 @@ from asperity.contact.narrow_phase.displaced_plane import lift_plane, place_on_p
 from asperity.contact.narrow_phase.outermost import (
     base_of,
     curved_lean,
-    highest_on_curved,
     highest_over,
     lean_at,
     may_fold,
@@ -283,7 +282,7 @@ def height_at(textures, patch, u, v, point):
         )  # fmt: skip
     if patch.bulge > 0.0:
         if may_fold_near(textures, patch, x, y, 0.0):
-            height = highest_on_curved(textures, patch, (x, y, _NEAR, _NEAR))
+            height = highest_over(textures, patch, (x, y, _NEAR, _NEAR))
             if height > -np.inf:
                 x, y = _descend(textures, patch, x, y, height)
         # Start inside the ellipse: the shift is small, and selects the side of the rim.

@@ -81,7 +81,9 @@ def _turn_near(textures, patch, x, y, radius):
     reach = radius + textures.maps[patch.texture].max_abs_surface / patch.lateral_min
     low = max(roots_over(patch, x, y, reach)[0], 0.5 * patch.min_root)
     if not patch.is_unit:
-        return patch.aspect * math.sqrt(patch.ellipse_max) / (low * patch.lateral_min), low
+        turn = patch.aspect * math.sqrt(patch.ellipse_max) / (low * patch.lateral_min)
+        # Beyond the ellipse d is taken at a point that moves faster, at most by the aspect.
+        return turn if low > 0.5 * patch.min_root else patch.aspect * turn, low
     by_x, by_y, by_root = patch.normal_from_x, patch.normal_from_y, patch.normal_from_root
     _, turn = singular_values(by_x[0], by_y[0], by_x[1], by_y[1])
     turn += math.sqrt(by_root[0] ** 2 + by_root[1] ** 2) * root_slope(patch, low)
@@ -114,12 +116,12 @@ def base_of(patch, x, y, height):
     return x - height * d_x, y - height * d_y
 
 
-@inner_kernel
+@small_kernel
 def _curved_base_over(patch, box, middle, half, turn):
     """Return the box of base points of heights `middle` +- `half` over a box of a curved patch.
 
-    `turn` bounds |d'|. With the base point b, at which d is known, any other
-    base point b' has |b' - b| <= |box| + half |d| + |residual of b| + |height| |d'| |b' - b|.
+    `turn` bounds |d'|. With the base point b, at which d is known, any other base point b' has
+    |b' - b| <= |box| + half |d| + |residual of b| + |height| |d'| |b' - b|.
     """
     x, y, half_x, half_y = box
     at_x, at_y = base_of(patch, x, y, middle)
@@ -134,33 +136,35 @@ def _curved_base_over(patch, box, middle, half, turn):
 
 
 @inner_kernel
-def highest_on_curved(textures, patch, box):
-    """Return the `highest_over` of a curved patch."""
-    x, y, half_x, half_y = box
-    found = textures.maps[patch.texture]
-    most, low = found.highest, -found.max_abs_surface
-    across = math.sqrt(half_x * half_x + half_y * half_y)
-    turn, _ = _turn_near(textures, patch, x, y, across)
-    d_x, d_y = curved_lean(patch, x, y)
-    far, coarse = abs(d_x) + abs(d_y), _COARSE * (most - low)
-    fine = max(_FINE * (most - low), min(across / far, coarse) if far > 0.0 else coarse)
-    step, high = coarse, most
-    while high > low:
-        low_end = max(high - step, low)
-        middle, half = 0.5 * (high + low_end), 0.5 * (high - low_end)
-        base = _curved_base_over(patch, box, middle, half, turn)
-        if base[2] == np.inf:
-            return high
-        top = -np.inf
-        if not beyond_borders(patch, *base):
-            top = curved_top(textures, patch, base)
-        if top < low_end:
-            high, step = low_end, min(2.0 * step, coarse)
-        elif step <= fine:
-            return min(high, top)
-        else:
-            step *= 0.5
-    return -np.inf
+def _curved_top_between(textures, patch, box, middle, half, turn):
+    """Return the largest height of base points of heights `middle` +- `half` over a box [m].
+
+    It is inf where the normal turns too fast to find them.
+    """
+    base = _curved_base_over(patch, box, middle, half, turn)
+    if base[2] == np.inf:
+        return np.inf
+    return -np.inf if beyond_borders(patch, *base) else curved_top(textures, patch, base)
+
+
+@small_kernel
+def _top_between(textures, patch, box, middle, half, lean):
+    """Return the `_curved_top_between` of a plane patch; `lean` is what `lean_at` returns."""
+    (x, y, half_x, half_y), (d_x, d_y, spread), sides = box, lean, patch.rectangle
+    astray = spread * max(abs(middle + half), abs(middle - half))
+    at_x, at_y = x - middle * d_x, y - middle * d_y
+    reach_x = half_x + half * abs(d_x) + astray
+    reach_y = half_y + half * abs(d_y) + astray
+    is_beyond = (
+        (at_x - reach_x > sides[1]) | (at_x + reach_x < sides[0])
+        | (at_y - reach_y > sides[3]) | (at_y + reach_y < sides[2])
+    )  # fmt: skip
+    if is_beyond or beyond_straight_borders(patch, 0, at_x, at_y, reach_x, reach_y):
+        return -np.inf
+    if is_triplanar(patch):
+        return plane_triplanar_top(textures, patch, at_x, at_y, reach_x, reach_y)
+    u0, u1, v0, v1 = on_texture(patch, at_x, at_y, reach_x, reach_y)
+    return texture_top(textures, patch.texture, u0, u1, v0, v1)
 
 
 @inner_kernel
@@ -170,38 +174,34 @@ def highest_over(textures, patch, box):
     Parameters
     ----------
     patch : PATCH record
-        A plane with a texture.
+        With a texture.
     box : tuple
-        Centre and half sides of the smooth plane's part under the box, in its parameters [m].
+        Centre and half sides of the smooth base's part under the box, in its parameters [m].
     """
     x, y, half_x, half_y = box
-    found, sides = textures.maps[patch.texture], patch.rectangle
+    found, is_curved = textures.maps[patch.texture], patch.bulge > 0.0
     most, low = min(found.highest, patch.texture_top), -found.max_abs_surface
     across = math.sqrt(half_x * half_x + half_y * half_y)
-    farthest = found.max_abs_surface * patch.normal_lateral / patch.lateral_min
-    d_x, d_y, spread = lean_at(patch, x, y, across + farthest)
-    coarse, far = _COARSE * (most - low), abs(d_x) + abs(d_y)
+    if is_curved:
+        turn, _ = _turn_near(textures, patch, x, y, across)
+        d_x, d_y = curved_lean(patch, x, y)
+        lean = (d_x, d_y, turn)
+    else:
+        farthest = found.max_abs_surface * patch.normal_lateral / patch.lateral_min
+        lean = lean_at(patch, x, y, across + farthest)
+    coarse, far = _COARSE * (most - low), abs(lean[0]) + abs(lean[1])
     # Smaller intervals hardly narrow the part that the box covers.
     fine = max(_FINE * (most - low), min(across / far, coarse) if far > 0.0 else coarse)
     step, high = coarse, most
     while high > low:
         low_end = max(high - step, low)
         middle, half = 0.5 * (high + low_end), 0.5 * (high - low_end)
-        astray = spread * max(abs(high), abs(low_end))
-        at_x, at_y = x - middle * d_x, y - middle * d_y
-        reach_x = half_x + half * abs(d_x) + astray
-        reach_y = half_y + half * abs(d_y) + astray
-        top = -np.inf
-        is_beyond = (
-            (at_x - reach_x > sides[1]) | (at_x + reach_x < sides[0])
-            | (at_y - reach_y > sides[3]) | (at_y + reach_y < sides[2])
-        )  # fmt: skip
-        if not is_beyond and not beyond_straight_borders(patch, 0, at_x, at_y, reach_x, reach_y):
-            if is_triplanar(patch):
-                top = plane_triplanar_top(textures, patch, at_x, at_y, reach_x, reach_y)
-            else:
-                u0, u1, v0, v1 = on_texture(patch, at_x, at_y, reach_x, reach_y)
-                top = texture_top(textures, patch.texture, u0, u1, v0, v1)
+        if is_curved:
+            top = _curved_top_between(textures, patch, box, middle, half, lean[2])
+        else:
+            top = _top_between(textures, patch, box, middle, half, lean)
+        if top == np.inf:
+            return high
         if top < low_end:
             high, step = low_end, min(2.0 * step, coarse)
         elif step <= fine:

@@ -30,7 +30,6 @@ from asperity.contact.narrow_phase.bounds.texture import (
 )
 from asperity.contact.narrow_phase.displaced_surface import surface_at
 from asperity.contact.narrow_phase.outermost import (
-    highest_on_curved,
     highest_over,
     may_fold,
     may_fold_near,
@@ -137,7 +136,7 @@ def _highest_on_curved(textures, other, travel, u, v):
     x, y = parameters_at(other, u, v)
     near = travel / other.lateral_min
     if other.bulge > 0.0 and may_fold_near(textures, other, x, y, near):
-        return highest_on_curved(textures, other, (x, y, near, near))
+        return highest_over(textures, other, (x, y, near, near))
     return np.inf
 
 
