@@ -16,10 +16,7 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity.contact.narrow_phase.bounds.borders import beyond_borders
 from asperity.contact.narrow_phase.bounds.compliance import lowering_over
 from asperity.contact.narrow_phase.bounds.curvature import CONCAVE, QUADRATIC, UNEVALUATED
-from asperity.contact.narrow_phase.bounds.overlap import (
-    general_bound,
-    sphere_bound,
-)
+from asperity.contact.narrow_phase.bounds.overlap import general_bound, sphere_bound
 from asperity.contact.narrow_phase.bounds.plane_overlap import plane_bound
 from asperity.contact.narrow_phase.bounds.smooth_bases import raised_base_bound
 from asperity.contact.narrow_phase.flat_on_flat import deepest_of_planes, is_straight

@@ -38,6 +38,7 @@ _CONVERGED = 1e-16
 NO_WEIGHT = 1e-12
 """Weight of one of a triplanar map's three maps below which it is ignored."""
 _DESCENTS = 24
+"""Steps down to a folded sheet, at most."""
 _NEAR_SHEET = 1e-6
 """Distance from a folded sheet at which Newton's method starts [m]."""
 _NEAR = 1e-9

@@ -19,6 +19,7 @@ from asperity.contact.narrow_phase.bounds.borders import beyond_borders
 from asperity.contact.narrow_phase.bounds.texture import (
     curved_top,
     map_speed,
+    normal_slope,
     root_slope,
     roots_over,
 )
@@ -68,7 +69,7 @@ def may_fold_near(textures, patch, x, y, radius):
     lateral = min(math.sqrt(w_u * w_u + w_v * w_v) + turn * (size + radius), 1.0)
     slope = found.max_slope * map_speed(patch, low)
     if patch.mapping == TRIPLANAR:
-        slope += MIX_1 * patch.aspect * math.sqrt(patch.ellipse_max) / low * size
+        slope += MIX_1 * normal_slope(patch, low) * size
     return slope * lateral + turn * patch.lateral_min * size >= patch.lateral_min
 
 
@@ -81,7 +82,7 @@ def _turn_near(textures, patch, x, y, radius):
     reach = radius + textures.maps[patch.texture].max_abs_surface / patch.lateral_min
     low = max(roots_over(patch, x, y, reach)[0], 0.5 * patch.min_root)
     if not patch.is_unit:
-        turn = patch.aspect * math.sqrt(patch.ellipse_max) / (low * patch.lateral_min)
+        turn = normal_slope(patch, low) / patch.lateral_min
         # Beyond the ellipse d is taken at a point that moves faster, at most by the aspect.
         return turn if low > 0.5 * patch.min_root else patch.aspect * turn, low
     by_x, by_y, by_root = patch.normal_from_x, patch.normal_from_y, patch.normal_from_root

@@ -74,8 +74,14 @@ def overlap_at(textures, patch, other, x, y, search, out):
         if search.load > 0.0:
             lower(textures, patch, other, entries(patch.lateral), search, out)
         return
+    surface_at(textures, patch, x, y, search.surface)
+    overlap_under(textures, patch, other, x, y, search, out)
+
+
+@inner_kernel
+def overlap_under(textures, patch, other, x, y, search, out):
+    """Fill an `OVERLAP` at (x, y), of which `search.surface` is the first patch's point."""
     point, below = search.surface, search.other_surface
-    surface_at(textures, patch, x, y, point)
     out.x, out.y = x, y
     u, v = point.p[0], point.p[1]
     out.f = -np.inf

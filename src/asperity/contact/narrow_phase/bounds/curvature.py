@@ -72,19 +72,13 @@ def _texture_part(size, over, facing, spread, steepness):
 
 
 @small_kernel
-def _displacement_bend(textures, patch, over, side):
-    """Return a bound of the second derivatives of t w, of whose direction `side` is used."""
+def displacement_bend(textures, patch, over, side):
+    """Return a bound of |(t w)''|; `side` is as in `surface_bend`."""
     if patch.texture < 0:
         return 0.0
     size = texture_size(textures, patch)
     bend = over.bend_size * side + 2.0 * over.slope * over.normal_slope
     return bend + size * over.normal_bend
-
-
-@small_kernel
-def lateral_bend(textures, patch, over):
-    """Return a bound of the second derivatives of a displaced point's place (u, v)."""
-    return _displacement_bend(textures, patch, over, over.lateral)
 
 
 @small_kernel
@@ -94,7 +88,7 @@ def surface_bend(textures, patch, over, side):
     `side` is the size of the normal's part that is used: 1, or that of its lateral part.
     """
     base = concave_border_bend(patch, over.min_root)
-    return base + _displacement_bend(textures, patch, over, side)
+    return base + displacement_bend(textures, patch, over, side)
 
 
 @small_kernel

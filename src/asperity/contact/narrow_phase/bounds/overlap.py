@@ -25,13 +25,8 @@ from asperity.contact.narrow_phase.bounds.curvature import (
     less_base,
     quadratic_bound,
 )
-from asperity.contact.narrow_phase.bounds.smooth_bases import (
-    base_bound,
-)
-from asperity.contact.narrow_phase.bounds.texture import (
-    planar_slopes,
-    roots_over,
-)
+from asperity.contact.narrow_phase.bounds.smooth_bases import base_bound
+from asperity.contact.narrow_phase.bounds.texture import planar_slopes, roots_over
 from asperity.contact.narrow_phase.bounds.textured import textured_bound
 from asperity.contact.narrow_phase.overlap import overlap_on_level
 from asperity.contact.narrow_phase.plane_boxes import on_texture

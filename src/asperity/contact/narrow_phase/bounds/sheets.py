@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
-from asperity.contact.narrow_phase.bounds.curvature import lateral_bend
+from asperity.contact.narrow_phase.bounds.curvature import displacement_bend
 from asperity.contact.narrow_phase.bounds.texture import (
     bounds_of,
     plane_slopes,
@@ -95,5 +95,5 @@ def nearby(textures, other, travel, highest, search):
         higher += largest_slope(textures, other, box, turn, other.normal_bend) * own
         far = own + higher * other.normal_lateral / other.lateral_min + size * turn * own
     over = _around(textures, other, x, y, far)
-    change = lateral_bend(textures, other, over) * far
+    change = displacement_bend(textures, other, over, over.lateral) * far
     return over, (stretch - change if change <= 0.5 * stretch else 0.0), far

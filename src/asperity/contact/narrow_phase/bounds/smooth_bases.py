@@ -11,12 +11,9 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity.contact.narrow_phase.bounds.borders import beyond_borders
-from asperity.contact.narrow_phase.bounds.texture import (
-    roots_over,
-)
-from asperity.contact.narrow_phase.outermost import (
-    base_of,
-)
+from asperity.contact.narrow_phase.bounds.planes import box_under
+from asperity.contact.narrow_phase.bounds.texture import roots_over
+from asperity.contact.narrow_phase.outermost import base_of
 from asperity.contact.narrow_phase.patch_pair import pair_roughness, pair_shift, window_of
 from asperity.contact.narrow_phase.smooth_base import (
     parameters_at,
@@ -56,19 +53,18 @@ def base_bound(patch, other, base_x, base_y, box, shift):
     if patch.bulge > 0.0 and most < patch.min_root:
         return -np.inf, -np.inf, 0.0, 0.0
     # The part of the other patch under the box.
-    u, v = place_at(patch, x, y)
-    bx, by = parameters_at(other, u, v)
     moved = shift / other.lateral_min
     if other.bulge == 0.0:
-        _, b1, b2, _, c1, c2 = parameters_over(patch, other)
-        reach_x = abs(b1) * half_x + (abs(b2) * half_y + moved)
-        reach_y = abs(c1) * half_x + (abs(c2) * half_y + moved)
+        own = (x, y, half_x, half_y)
+        bx, by, reach_x, reach_y = box_under(parameters_over(patch, other), own, moved)
         sides = other.rectangle
         if bx - reach_x > sides[1] or bx + reach_x < sides[0]:
             return -np.inf, -np.inf, 0.0, 0.0
         if by - reach_y > sides[3] or by + reach_y < sides[2]:
             return -np.inf, -np.inf, 0.0, 0.0
     else:
+        u, v = place_at(patch, x, y)
+        bx, by = parameters_at(other, u, v)
         reach_x = reach_y = radius * patch.lateral_max / other.lateral_min + moved
         _, most = roots_over(other, bx, by, reach_x)
         if most < other.min_root:

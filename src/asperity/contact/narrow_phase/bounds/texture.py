@@ -16,7 +16,12 @@ from asperity.contact.narrow_phase.bounds.triplanar import (
     triplanar_top,
 )
 from asperity.contact.narrow_phase.plane_boxes import on_texture, plane_normal
-from asperity.contact.narrow_phase.smooth_base import ellipse_form, root_at, unit_normal
+from asperity.contact.narrow_phase.smooth_base import (
+    ellipse_form,
+    root_at,
+    unit_normal,
+    within_ellipse,
+)
 from asperity.contact.narrow_phase.surface_patch import CYLINDRICAL, PLANAR, TRIPLANAR
 from asperity.texture.highest import texture_top
 from asperity.texture.packed import slope_bounds
@@ -120,21 +125,25 @@ def plane_slopes(textures, patch, box, normal_slope, normal_bend):
 
 
 @small_kernel
+def normal_slope(patch, low):
+    """Return a bound of |w'| where a curved patch's root is at least `low` [1/m]."""
+    return patch.aspect * math.sqrt(patch.ellipse_max) / low
+
+
+@small_kernel
 def _curved_normal(patch, x, y, radius, min_root):
     """Return `plane_normal` of a curved patch with the least root `min_root` (-1: beyond it)."""
     low = max(min_root, 0.5 * patch.min_root)
-    w1 = patch.aspect * math.sqrt(patch.ellipse_max) / low
+    w1 = normal_slope(patch, low)
     w2 = patch.aspect * (patch.ellipse_max / (low * low * low))
     if not patch.is_unit:
         w2 += 3.0 * w1 * w1
     # The normal is taken at a point within the ellipse; its change over the box is bounded.
-    scale = 1.0
+    wx, wy = x, y
     if min_root < 0.0:
-        out = ellipse_form(patch, x, y)
-        scale = min(1.0, math.sqrt((1.0 - low * low) / max(out, 1e-300)))
-    wx, wy = x * scale, y * scale
+        wx, wy = within_ellipse(patch, x, y, low)
     w_u, w_v, w_z = unit_normal(patch, wx, wy, root_at(patch, wx, wy)[0])
-    change = w1 * (radius + (1.0 - scale) * math.sqrt(x * x + y * y))
+    change = w1 * (radius + math.sqrt((x - wx) * (x - wx) + (y - wy) * (y - wy)))
     return w_u, w_v, w_z, change, w1, w2
 
 

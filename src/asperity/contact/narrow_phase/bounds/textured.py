@@ -19,6 +19,7 @@ from asperity.contact.narrow_phase.bounds.curvature import (
     drift_of,
 )
 from asperity.contact.narrow_phase.bounds.plane_overlap import plane_bound
+from asperity.contact.narrow_phase.bounds.planes import box_under
 from asperity.contact.narrow_phase.bounds.sheets import nearby
 from asperity.contact.narrow_phase.bounds.smooth_bases import tangent_bound
 from asperity.contact.narrow_phase.bounds.texture import (
@@ -29,18 +30,10 @@ from asperity.contact.narrow_phase.bounds.texture import (
     with_slopes,
 )
 from asperity.contact.narrow_phase.displaced_surface import surface_at
-from asperity.contact.narrow_phase.outermost import (
-    highest_over,
-    may_fold,
-    may_fold_near,
-)
-from asperity.contact.narrow_phase.overlap import overlap_at
+from asperity.contact.narrow_phase.outermost import highest_over, may_fold, may_fold_near
+from asperity.contact.narrow_phase.overlap import overlap_at, overlap_under
 from asperity.contact.narrow_phase.plane_boxes import texture_size
-from asperity.contact.narrow_phase.smooth_base import (
-    parameters_at,
-    parameters_over,
-    place_at,
-)
+from asperity.contact.narrow_phase.smooth_base import parameters_at, parameters_over, place_at
 
 
 class OtherPart(NamedTuple):
@@ -88,21 +81,15 @@ def _widest_part(textures, patch, other, box, shift):
         least, most = roots_over(other, x, y, reach_x)
         return OtherPart(x, y, reach_x, reach_y, smooth_bounds(0.0, least, most))
     if is_explicit and shift == 0.0:
-        _, b1, b2, _, c1, c2 = parameters_over(patch, other)
-        reach_x = abs(b1) * half_x + abs(b2) * half_y
-        reach_y = abs(c1) * half_x + abs(c2) * half_y
+        x, y, reach_x, reach_y = box_under(parameters_over(patch, other), box, 0.0)
     return _part_around(textures, other, x, y, reach_x, reach_y)
 
 
 @inner_kernel
-def _highest_on_plane(textures, patch, other, box, shift, part):
+def _highest_on_plane(textures, patch, other, box, shift):
     """Return the largest height under a box of the other patch, a plane that may fold [m]."""
-    _, _, half_x, half_y = box
-    _, b1, b2, _, c1, c2 = parameters_over(patch, other)
-    moved = shift / other.lateral_min
-    own_x = abs(b1) * half_x + abs(b2) * half_y + moved
-    own_y = abs(c1) * half_x + abs(c2) * half_y + moved
-    return highest_over(textures, other, (part.x, part.y, own_x, own_y))
+    own = box_under(parameters_over(patch, other), box, shift / other.lateral_min)
+    return highest_over(textures, other, own)
 
 
 @inner_kernel
@@ -178,9 +165,9 @@ def textured_bound(textures, pair, box, base, threshold, search):
     shift = texture_size(textures, patch) * over.lateral
     is_explicit = other.is_level or other.texture < 0
     part = _widest_part(textures, patch, other, around, shift)
-    folds, highest = may_fold(textures, other), part.over.top
-    if folds:
-        highest = min(highest, _highest_on_plane(textures, patch, other, around, shift, part))
+    highest = part.over.top
+    if may_fold(textures, other):
+        highest = min(highest, _highest_on_plane(textures, patch, other, around, shift))
         if highest == -np.inf:
             return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
     bound = _raised(textures, pair, box, over, part.over, highest, base)
@@ -207,7 +194,9 @@ def textured_bound(textures, pair, box, base, threshold, search):
         bound = min(bound, raised - lowered)
         if bound <= threshold:
             return box_bound(bound, UNEVALUATED, bound, 0.0)
-    overlap_at(textures, patch, other, x, y, search, at)
+        overlap_under(textures, patch, other, x, y, search, at)
+    else:
+        overlap_at(textures, patch, other, x, y, search, at)
     # The lateral displacement by the other's texture is known only if there is a point.
     astray = 0.0 if is_explicit else (size_other if at.f == -np.inf else 3.0 * size_other)
     far = (travel + astray) / other.lateral_min

@@ -6,8 +6,8 @@ the map along axis i. The weights sum to 1, so with m the map of largest weight,
     t <= top_m + sum over i != m of a_i (top_i - top_m),
 
 a_i the largest weight over the box where top_i is above top_m, otherwise the least; and likewise
-for slopes and second derivatives. Over a facet with normals near an axis the weights
-of the other maps and the derivatives of all weights are small.
+for slopes and second derivatives. Over a facet with normals near an axis the weights of the other
+maps and the derivatives of all weights are small.
 """
 
 from __future__ import annotations
@@ -48,14 +48,16 @@ def shares_over(patch, box, root):
 
     `box` is (x, y, half_x, half_y); `root` is the middle and half the range of the root over it.
     """
-    low, m = -1.0, 0
-    for i in range(3):
-        least, _ = _component(patch, i, box, root)
-        if least > low:
-            low, m = least, i
-    one, two = (m + 1) % 3, (m + 2) % 3
-    of_m = _component(patch, m, box, root)
-    of_one, of_two = _component(patch, one, box, root), _component(patch, two, box, root)
+    ranges = (
+        _component(patch, 0, box, root),
+        _component(patch, 1, box, root),
+        _component(patch, 2, box, root),
+    )
+    m = 0
+    for i in range(1, 3):
+        if ranges[i][0] > ranges[m][0]:
+            m = i
+    of_m, of_one, of_two = ranges[m], ranges[(m + 1) % 3], ranges[(m + 2) % 3]
     return m, _share(patch, of_one, of_m, of_two), _share(patch, of_two, of_m, of_one)
 
 
