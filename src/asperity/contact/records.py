@@ -149,6 +149,7 @@ SEPARATION = np.dtype(
         ("share_rate", "f8", 6),
         ("rough", "f8"),  # bound of the sum of both textures' |height| [m]
         ("reach", "f8"),  # extension of its face beyond its edges if it is the only one [m]
+        ("thinned", "?"),  # whether shorter separations near it stand for it: `response.thinning`
         ("aligned", "f8"),  # least cosine to another direction that may represent it unsearched
         ("scale", "f8"),  # square root of the two surfaces' stiffness over that of the force law
         ("gap_scale", "f8"),  # the same for g: with a stiffness map, at its softest point

@@ -51,9 +51,10 @@ def _patch_radius(model, parameters, query):
 def _fill_guesses(query, d, memory, manifold, guess_out):
     """Fill the start points of the searches of direction `d`, A's frame (4, 3) [m].
 
-    A part without one from the last tick gets the deepest point of the directions searched in this
-    tick: between two rough bodies a search without a start may spend its budget far from the
-    deepest point, and its too small depth would be the least one.
+    A part without one from the last tick gets the deepest point of the same part of the deepest
+    direction searched in this tick, or of that direction: between two rough bodies a search without
+    a start may spend its budget far from the deepest point, and its too small depth would be the
+    least one.
     """
     deepest, at = 0.0, np.int64(-1)
     for p in range(manifold.count[0].patches):
@@ -63,10 +64,15 @@ def _fill_guesses(query, d, memory, manifold, guess_out):
         if is_known and depth > deepest:
             deepest, at = depth, p
     for part in range(MAX_PARTS):
+        same = at
+        if at >= 0:
+            beside = at - manifold.patches[at].part + part
+            if beside < manifold.count[0].patches and manifold.patches[beside].part == part:
+                same = beside if manifold.result[beside].depth > 0.0 else at
         for k in range(3):
             guess_out[part, k] = memory.guess[query.body, query.offset + d, part, k]
             if at >= 0 and guess_out[part, k] != guess_out[part, k]:
-                guess_out[part, k] = manifold.patches[at].guess[k]
+                guess_out[part, k] = manifold.patches[same].guess[k]
 
 
 @inner_kernel

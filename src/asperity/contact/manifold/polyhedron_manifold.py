@@ -33,6 +33,8 @@ from asperity.contact.manifold.records import MAX_DIRECTIONS
 from asperity.contact.manifold.region_gradient import add_moment_rates, add_piece_gradient
 from asperity.contact.manifold.separation import (
     ABOUT,
+    ALONG,
+    APART,
     EDGES,
     FARTHEST,
     cosine,
@@ -41,6 +43,7 @@ from asperity.contact.manifold.separation import (
     smooth_step_slope,
 )
 from asperity.contact.response.potential import fill_potential
+from asperity.contact.response.thinning import has_no_shorter, is_thinned_out
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import add_to_world, fill_origin
 
@@ -134,27 +137,55 @@ def _free_slot(n, directions):
 
 
 @inner_kernel
-def _nearest_unsearched(rows, used):
-    """Return the row with the least separation of those not yet searched; -1 for none."""
+def _nearest_unsearched(rows, used, least):
+    """Return the row with the least separation of those to be searched yet; -1 for none."""
     at = np.int64(-1)
     for i in range(used):
         depth = rows[i].depth
         if depth != depth and (at < 0 or rows[i].gap < rows[at].gap):
-            at = i
+            if not is_thinned_out(rows, used, i, least):
+                at = i
     return at
 
 
 @inner_kernel
-def _simpler(rows, at):
-    """Return an unsearched row of a simpler kind that may represent row `at`; else `at`."""
-    found = rows[at]
+def _simpler(rows, used, at, least):
+    """Return the nearest row of a simpler kind that may represent `at`, if unsearched; else `at`.
+
+    A row that is thinned out represents none.
+    """
+    found, best = rows[at], np.int64(at)
     for j in range(at):
-        other, depth = rows[j], rows[j].depth
+        other = rows[j]
         is_near = other.gap - other.rough <= ABOUT * (found.gap + found.rough)
-        is_simpler = depth != depth and other.kind < found.kind and is_near
-        if is_simpler and cosine(other, found) >= found.aligned:
-            return np.int64(j)
-    return at
+        is_nearest = best == at or other.gap < rows[best].gap
+        if other.kind < found.kind and other.depth != -np.inf and is_near and is_nearest:
+            if cosine(other, found) >= ALONG and not is_thinned_out(rows, used, j, least):
+                best = np.int64(j)
+    depth = rows[best].depth
+    return best if depth != depth else np.int64(at)
+
+
+@inner_kernel
+def _depth_that_counts(rows, used, at, least):
+    """Return the depth from which on row `at` does not count [m].
+
+    Beyond the way out it is too deep; and beside a simpler direction that is about as deep, or not
+    much deeper, it has no weight (`response.potential`).
+    """
+    found, most = rows[at], RATIO * _LONGEST * least
+    for j in range(at):
+        other = rows[j]
+        is_near = other.gap_scale * (other.gap - other.rough) <= ABOUT * least
+        is_simpler = other.kind < found.kind and other.depth > 0.0 and other.share == 1.0
+        if is_simpler and is_near and cosine(other, found) >= ALONG:
+            is_full = has_no_shorter(rows, used, j)
+            for k in range(j):
+                is_beside = rows[k].kind < other.kind and cosine(rows[k], other) > APART
+                is_full = is_full and not is_beside
+            if is_full:
+                most = min(most, other.depth / ABOUT)
+    return most
 
 
 @inner_kernel
@@ -223,9 +254,10 @@ def polyhedron_way_out(model, parameters, query, count, memory, space, workspace
         rows[i].depth, rows[i].gap_scale = np.nan, soft
         nearest = min(nearest, (rows[i].gap - rough) * soft)
     _fill_faces(table, query, count, region, space.polyhedra.faces)
-    at = _nearest_unsearched(rows, used)
+    at = _nearest_unsearched(rows, used, least)
     while at >= 0:
-        at = _simpler(rows, at)
+        for _ in range(2):  # from edges to a face of A, and from that to one of B
+            at = _simpler(rows, used, at, least)
         found = rows[at]
         found.depth = -np.inf
         is_far = (found.gap - rough) * soft >= _LONGEST * FARTHEST * max(least, nearest)
@@ -238,14 +270,14 @@ def polyhedron_way_out(model, parameters, query, count, memory, space, workspace
             for k in range(3):
                 direction.normal[k] = found.normal[k]
             _fill_region(table, query, found, space.polyhedra.faces, region.sums[d])
-            task = (d, count, RATIO * _LONGEST * least, -1)
+            task = (d, count, _depth_that_counts(rows, used, at, least), -1)
             counts = search_direction(model, parameters, query, task, memory, space, workspace)
             if direction.depth == 0.0 and (least == np.inf or counts):
                 return 0.0
             if counts:
                 found.depth = direction.depth
                 least = min(least, direction.depth)
-        at = _nearest_unsearched(rows, used)
+        at = _nearest_unsearched(rows, used, least)
     used = _keep_deep_rows(rows, used)
     if used == 0:
         return 0.0

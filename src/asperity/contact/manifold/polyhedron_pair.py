@@ -137,7 +137,7 @@ def _support_of_a(pair, n, point_out):
 @inner_kernel
 def _reset(found, pair, kind):
     """Reset a separation to full share and a direction that does not turn with A."""
-    found.kind, found.part, found.share = kind, 0, 1.0
+    found.kind, found.part, found.share, found.thinned = kind, 0, 1.0, True
     found.scale = found.gap_scale = 1.0
     found.rough = pair.rough
     clear(found.share_rate)

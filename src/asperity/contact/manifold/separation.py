@@ -174,7 +174,7 @@ def aligned_on(steep):
 def begin_separation(found, pair, kind):
     """Reset a separation to full share and a direction that does not turn with the tool."""
     found.geom_a, found.geom_b, found.kind = pair.geom_a, pair.geom_b, kind
-    found.share = 1.0
+    found.share, found.thinned = 1.0, False
     clear(found.share_rate)
     for i in range(3):
         clear(found.normal_rate[i])

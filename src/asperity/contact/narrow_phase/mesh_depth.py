@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import clear, inner_kernel, kernel, separate_kernel, small_kernel
-from asperity._core.records import copy_record
+from asperity._core.records import clear_record, copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_pairs import (
     PairLimits,
@@ -114,6 +114,20 @@ def _begin_search(search, max_nodes, culled, ceiling):
 
 
 @inner_kernel
+def _is_known_too_deep(depths, number, ceiling, results_out):
+    """Return whether the root mean square of the known depths is above the ceiling; fill them."""
+    square = 0.0
+    for p in range(number):
+        square += max(depths[p], 0.0) ** 2
+    if not square > number * ceiling * ceiling:
+        return False
+    for p in range(number):
+        clear_record(results_out[p])
+        results_out[p].depth = depths[p]
+    return True
+
+
+@inner_kernel
 def _find_single_deepest(memory, stride, lines):
     """Return whether a single point is deepest, and its distances from the lines [m].
 
@@ -184,7 +198,8 @@ def region_depths(model, region, query, limits, memory, space, first):
 
     Fills a `PENETRATION` record for each, and `line_rate` and `base` of its `MESH_PATCH`. Returns
     the number of sub-regions, 1, 2 or 4, and whether there was room for all facets. A sub-region
-    without contact has a depth of -inf.
+    without contact has a depth of -inf. A direction that is deeper than its ceiling is not searched
+    to the end: its depths are lower bounds.
 
     Parameters
     ----------
@@ -217,6 +232,8 @@ def region_depths(model, region, query, limits, memory, space, first):
         best = p if depths[p] > depths[best] else best
     # With a stiffness map, the point of largest energy need not be the deepest.
     has_map = search.usual > 0.0
+    if not has_map and _is_known_too_deep(depths, number, region.ceiling, results_out):
+        return number, had_room
     culled = 0.0 if has_map else max(least, 0.0)
     criteria = CandidateFilter(listed, made_a, made_b, culled, points, none)
     count, made_a, made_b, has_room = collect_candidates(model, query, criteria, memory, space)

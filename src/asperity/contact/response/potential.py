@@ -42,6 +42,7 @@ from asperity.contact.manifold.separation import (
     LONGEST,
     smooth_step,
 )
+from asperity.contact.response.thinning import thin_out
 from asperity.contact.response.ways_out import RATIO, fill_choices, update_choices
 
 _DOUBLINGS = 6
@@ -68,31 +69,44 @@ def _redundancy(inputs, i, j):
 
 
 @inner_kernel
-def _direction_weight(separations, inputs, first, i, s):
-    """Return the weight of separation `i` of a part, given the way out `s`.
+def _fill_presence(separations, used, ways, s):
+    """Fill how far each separation is there, given the way out `s`."""
+    for i in range(used):
+        ways.presence[i] = _own_weight(separations, ways.inputs, i, s)
+    if separations[0].thinned:
+        thin_out(separations, ways, used, s)
+
+
+@inner_kernel
+def _direction_weight(separations, ways, first, i):
+    """Return the weight of separation `i` of a part, from what is there.
 
     `first` is the first row of its part; rows are in the order of their kinds.
     """
-    share = _own_weight(separations, inputs, i, s)
+    inputs, presence = ways.inputs, ways.presence
+    share = presence[i]
     for j in range(first, i):
         if separations[j].kind < separations[i].kind and share > 0.0:
             redundancy = _redundancy(inputs, i, j)
             if redundancy == 0.0:
                 continue
             # Of the lower kinds, faces of A may in turn be represented by faces of B.
-            other = _own_weight(separations, inputs, j, s)
+            other = presence[j]
             for k in range(first, j):
                 if separations[k].kind < separations[j].kind:
-                    other *= 1.0 - _redundancy(inputs, j, k) * _own_weight(
-                        separations, inputs, k, s
-                    )
+                    other *= 1.0 - _redundancy(inputs, j, k) * presence[k]
             share *= 1.0 - redundancy * other
     return share
 
 
 @inner_kernel
-def _excess(separations, ways, parts, count, s):
-    """Return the sum over choices minus 1, which is 0 at the smooth minimum s."""
+def _excess(separations, ways, numbers, s):
+    """Return the sum over choices minus 1, which is 0 at the smooth minimum s.
+
+    `numbers` are those of rows, parts and choices.
+    """
+    used, parts, count = numbers
+    _fill_presence(separations, used, ways, s)
     for c in range(count):
         weight = 1.0
         for p in range(parts):
@@ -100,7 +114,7 @@ def _excess(separations, ways, parts, count, s):
             first = i
             while first > 0 and separations[first - 1].part == separations[i].part:
                 first -= 1
-            weight *= _direction_weight(separations, ways.inputs, first, i, s)
+            weight *= _direction_weight(separations, ways, first, i)
         x = max(RATIO - ways.length[c] / s, 0.0) / (RATIO - 1.0)
         ways.weight[c] = weight * x * x
     total = 0.0
@@ -116,19 +130,19 @@ def _excess(separations, ways, parts, count, s):
 
 
 @inner_kernel
-def _smooth_minimum(separations, ways, parts, count, most):
+def _smooth_minimum(separations, ways, numbers, most):
     """Return s by the secant method with bisection; -1 above `most` times the least length."""
     least = np.inf
-    for c in range(count):
+    for c in range(numbers[2]):
         least = min(least, ways.length[c])
     low, high = least / RATIO, most * least
     below = -1.0
-    above = _excess(separations, ways, parts, count, high)
+    above = _excess(separations, ways, numbers, high)
     if not above > 0.0:
         return -1.0
     s = least
     for step in range(80):
-        value = _excess(separations, ways, parts, count, s)
+        value = _excess(separations, ways, numbers, s)
         if value > 0.0:
             high, above = s, value
         else:
@@ -172,15 +186,15 @@ def _perturb(separations, used, ways, i, e, step):
 
 
 @inner_kernel
-def _slope(separations, used, parts, ways, count, at, step):
+def _slope(separations, ways, numbers, at, step):
     """Return the derivative of the excess at fixed s; `at` is (s, row of the depth, coordinate)."""
-    s, i, e = at
+    (s, i, e), (used, parts, count) = at, numbers
     _perturb(separations, used, ways, i, e, step)
     update_choices(ways, parts, count)
-    rise = _excess(separations, ways, parts, count, s)
+    rise = _excess(separations, ways, numbers, s)
     _perturb(separations, used, ways, i, e, -step)
     update_choices(ways, parts, count)
-    return (rise - _excess(separations, ways, parts, count, s)) / (2.0 * step)
+    return (rise - _excess(separations, ways, numbers, s)) / (2.0 * step)
 
 
 @inner_kernel
@@ -212,15 +226,15 @@ def fill_potential(separations, used, parts, lever, ways, rates_out):
     for _ in range(_DOUBLINGS):
         count = fill_choices(separations, used, parts, most, ways)
         update_choices(ways, parts, count)
-        s = _smooth_minimum(separations, ways, parts, count, most)
+        s = _smooth_minimum(separations, ways, (used, parts, count), most)
         if s > 0.0:
             break
         most *= 2.0
     if not s > 0.0:
         return _select_shortest(separations, used)
-    step = _STEP * s
-    rise = _excess(separations, ways, parts, count, s + step)
-    by_s = (rise - _excess(separations, ways, parts, count, s - step)) / (2.0 * step)
+    step, numbers = _STEP * s, (used, parts, count)
+    rise = _excess(separations, ways, numbers, s + step)
+    by_s = (rise - _excess(separations, ways, numbers, s - step)) / (2.0 * step)
     for i in range(used):
         is_chosen = False
         for c in range(count):
@@ -228,10 +242,10 @@ def fill_potential(separations, used, parts, lever, ways, rates_out):
                 is_chosen = is_chosen or ways.choices[c, p] == i
         if is_chosen:
             at = (s, i, -1)
-            rate = _slope(separations, used, parts, ways, count, at, step)
+            rate = _slope(separations, ways, numbers, at, step)
             separations[i].weight = -rate / by_s
     for e in range(6):
         reach = step if e < 3 else _STEP * min(s / lever, 1.0)
         at = (s, -1, e)
-        rates_out[e] = -_slope(separations, used, parts, ways, count, at, reach) / by_s
+        rates_out[e] = -_slope(separations, ways, numbers, at, reach) / by_s
     return s

@@ -42,6 +42,8 @@ class WaysOut(NamedTuple):
     """S, (choices, choices)."""
     inputs: NDArray[np.float64]
     """Scaled depth, scaled g, share and normal of each separation, (separations, 6)."""
+    presence: NDArray[np.float64]
+    """How far each separation is there by its own g and shorter ones near it, (separations,)."""
 
 
 def ways_out(separations: int) -> WaysOut:
@@ -55,6 +57,7 @@ def ways_out(separations: int) -> WaysOut:
         np.zeros(MAX_CHOICES),
         np.zeros((MAX_CHOICES, MAX_CHOICES)),
         np.zeros((separations, 6)),
+        np.zeros(separations),
     )
 
 
