@@ -142,9 +142,9 @@ def _nearest_unsearched(rows, used, least):
     at = np.int64(-1)
     for i in range(used):
         depth = rows[i].depth
-        if depth != depth and (at < 0 or rows[i].gap < rows[at].gap):
-            if not is_thinned_out(rows, used, i, least):
-                at = i
+        is_nearer = depth != depth and (at < 0 or rows[i].gap < rows[at].gap)
+        if is_nearer and not is_thinned_out(rows, used, i, least):
+            at = i
     return at
 
 
@@ -159,9 +159,10 @@ def _simpler(rows, used, at, least):
         other = rows[j]
         is_near = other.gap - other.rough <= ABOUT * (found.gap + found.rough)
         is_nearest = best == at or other.gap < rows[best].gap
-        if other.kind < found.kind and other.depth != -np.inf and is_near and is_nearest:
-            if cosine(other, found) >= ALONG and not is_thinned_out(rows, used, j, least):
-                best = np.int64(j)
+        is_simpler = other.kind < found.kind and other.depth != -np.inf
+        is_simpler = is_simpler and cosine(other, found) >= ALONG
+        if is_simpler and is_near and is_nearest and not is_thinned_out(rows, used, j, least):
+            best = np.int64(j)
     depth = rows[best].depth
     return best if depth != depth else np.int64(at)
 

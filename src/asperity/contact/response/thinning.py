@@ -1,15 +1,15 @@
 """Directions that shorter ones near them stand for, between convex polyhedra of many faces.
 
 Where faces are a few degrees apart, as those of a prism that stands for a cylinder, many directions
-are about as short, and say the same. With g the separations, delta the depths and s the way out,
-direction i is there as far as
+are about as short and lead the same way. With g the separations, delta the depths and s the way
+out, direction i is present as far as
 
-    p_i = o_i product over j with g_j < g_i of (1 - a(n_i . n_j) b((g_i - g_j) / s) c(delta_j / s) p_j),
+    p_i = o_i product over j of (1 - a(n_i . n_j) b((g_i - g_j) / s) c(delta_j / s) p_j),
 
-o_i its own weight: a rises from 0 to 1 from 24 to 16 degrees between the two, b as i separates later
-than j by up to an eighth of s, and c falls from 1 to 0 as j is 1.4 to 1.6 times as deep as s. Edges
-do not stand for faces. The
-shortest direction is always there, and all change continuously. The constants are asperity's own.
+o_i its own weight. a rises from 0 to 1 from 24 to 16 degrees between the two, b as g_i exceeds g_j
+by 0 to an eighth of s, and c falls from 1 to 0 as delta_j is 1.4 to 1.6 times s. Edges do not stand
+for faces. The shortest direction is always present, and all change continuously. The constants are
+asperity's own.
 """
 
 from __future__ import annotations
@@ -23,13 +23,11 @@ _BESIDE, _AT = 0.9135, 0.9613
 """Cosines between two directions over which the shorter one comes to stand for the other (24 and
 16 degrees)."""
 _LATER = 0.125
-"""Difference of their separations at which it does so wholly, over the way out."""
-
-
+"""Difference of their separations over the way out from which nothing is left of the longer one."""
 _SHALLOW, _DEEP = 1.4, 1.6
 """Depths over the way out between which a direction ceases to stand for others."""
 _NOT_DEEPER = 1.2
-"""Depth over the least one up to which it is sure to do so."""
+"""Depth over the least one up to which a direction certainly stands for others."""
 
 
 @inner_kernel
@@ -98,13 +96,11 @@ def is_thinned_out(rows, used, i, least):
     found = rows[i]
     for j in range(used):
         other = rows[j]
-        later = other.gap_scale * (found.gap - other.gap)
         if not 0.0 < other.depth <= _NOT_DEEPER * least or other.share < 1.0:
             continue
-        if not _may_stand_for(other, found):
-            continue
         is_near = other.gap_scale * (other.gap - other.rough) <= ABOUT * least
-        if is_near and later >= _LATER * LONGEST * least and cosine(found, other) >= _AT:
-            if has_no_shorter(rows, used, j):
-                return True
+        is_later = other.gap_scale * (found.gap - other.gap) >= _LATER * LONGEST * least
+        stands = is_near and is_later and cosine(found, other) >= _AT
+        if stands and _may_stand_for(other, found) and has_no_shorter(rows, used, j):
+            return True
     return False
