@@ -20,12 +20,14 @@ from asperity.contact.narrow_phase.bounds.curvature import (
     curvature_bound,
     drift_of,
 )
+from asperity.contact.narrow_phase.bounds.planes import bound_lift
 from asperity.contact.narrow_phase.bounds.sheets import largest_slope, nearby, over_box
 from asperity.contact.narrow_phase.bounds.texture import smooth_bounds
 from asperity.contact.narrow_phase.outermost import highest_over, may_fold
 from asperity.contact.narrow_phase.overlap import overlap_at
 from asperity.contact.narrow_phase.plane_boxes import lateral_shift, plane_normal, texture_size
 from asperity.contact.narrow_phase.smooth_base import parameters_at, parameters_over
+from asperity.contact.narrow_phase.surface_patch import entries
 
 
 @small_kernel
@@ -50,6 +52,32 @@ def _narrow_part(textures, other, box, travel, at):
 
 
 @inner_kernel
+def _bound_below_highest(textures, patch, other, over, half, under, highest, search):
+    """Return a bound of the overlap over a box where the other texture is not above `highest`.
+
+    `over` bounds the first texture over the box, `half` are the half sides of that, and `under` is
+    the part of the other patch's base under it. `search.surface` is the point at the centre, so
+    that the bound converges with the size of the box, in spite of the points' displacement.
+    """
+    half_x, half_y = half
+    s_x, s_y, p = other.slope[0], other.slope[1], search.surface.p
+    i, j, k, m = entries(other.lateral_inverse)
+    g1, g2 = i * s_x + k * s_y, j * s_x + m * s_y
+    x, y = parameters_at(other, p[0], p[1])
+    bound = p[2] + other.origin[2] + s_x * x + s_y * y
+    _, b1, b2, _, c1, c2 = parameters_over(patch, other)
+    bound += abs(patch.slope[0] + s_x * b1 + s_y * c1) * half_x
+    bound += abs(patch.slope[1] + s_x * b2 + s_y * c2) * half_y
+    if patch.texture >= 0:
+        turned = texture_size(textures, patch) * over.normal_slope
+        steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
+        bound += math.sqrt(half_x * half_x + half_y * half_y) * steepness * (over.slope + turned)
+    lift, least, _ = bound_lift(other, under, -g1, -g2)
+    rise = lift * (highest if other.is_unit else max(highest, 0.0))
+    return bound + max(rise, -least * texture_size(textures, other) if least < 0.0 else -np.inf)
+
+
+@inner_kernel
 def plane_bound(textures, pair, box, bound, search):
     """Return the `general_bound` of two plane patches with the order-zero bound `bound`."""
     patch, other, at = pair.patch, pair.other, search.at
@@ -66,27 +94,31 @@ def plane_bound(textures, pair, box, bound, search):
     overlap_at(textures, patch, other, x, y, search, at)
     # The centre's point on the other base; those of all points over the box are around it.
     base_x, base_y = at.other_x, at.other_y
-    if not is_explicit and at.f > -np.inf:
-        base_x, base_y = parameters_at(other, at.point[0], at.point[1])
+    if not is_explicit:
+        base_x, base_y = parameters_at(other, search.surface.p[0], search.surface.p[1])
     reach = (radius * fastest + lateral_shift(textures, other)) / other.lateral_min
     if is_apart(other, base_x, base_y, reach):
         return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
+    closest, highest, folds = 0.0, np.inf, may_fold(textures, other)
+    _, b1, b2, _, c1, c2 = parameters_over(patch, other)
+    astray = drift * radius / other.lateral_min
+    reach_x = abs(b1) * half_x + (abs(b2) * half_y + astray)
+    reach_y = abs(c1) * half_x + (abs(c2) * half_y + astray)
+    under = (base_x, base_y, reach_x, reach_y)
+    if folds:
+        highest = highest_over(textures, other, under)
+        if highest == -np.inf:
+            return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
+        if search.load == 0.0:
+            below = _bound_below_highest(
+                textures, patch, other, over, (half_x, half_y), under, highest, search
+            )
+            bound = min(bound, below)
     if at.f == -np.inf:
         # The other surface overhangs there along n: it has no height.
         left = bound if radius > FINEST_OVERHANG else -np.inf
         return box_bound(left, UNEVALUATED, bound, 0.0)
-    closest, highest = 0.0, np.inf
     if other.texture >= 0:
-        _, b1, b2, _, c1, c2 = parameters_over(patch, other)
-        astray = drift * radius / other.lateral_min
-        reach_x = abs(b1) * half_x + (abs(b2) * half_y + astray)
-        reach_y = abs(c1) * half_x + (abs(c2) * half_y + astray)
-        under = (base_x, base_y, reach_x, reach_y)
-        folds = may_fold(textures, other)
-        if folds:
-            highest = highest_over(textures, other, under)
-            if highest == -np.inf:
-                return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
         if not is_explicit:
             under = _narrow_part(textures, other, under, radius * fastest, at)
         over_other = over_box(textures, other, *under)

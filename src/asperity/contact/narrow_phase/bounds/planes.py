@@ -62,7 +62,7 @@ def lifts_within(textures, patch, other, box):
     i, j, k, m = entries(other.lateral_inverse)
     s_x, s_y = other.slope[0], other.slope[1]
     g1, g2 = i * s_x + k * s_y, j * s_x + m * s_y
-    lift, least, lateral = _bound_lift(patch, box, g1, g2)
+    lift, least, lateral = bound_lift(patch, box, g1, g2)
     valley = _bound_valley_rise(textures, patch, least)
     shift = texture_size(textures, patch) * lateral
     other_lift, lateral = _unit_lift(other, -g1, -g2), other.normal_lateral
@@ -70,7 +70,7 @@ def lifts_within(textures, patch, other, box):
     if other.texture >= 0 and not other.is_unit:
         moved = (shift + lateral_shift(textures, other)) / other.lateral_min
         under = box_under(parameters_over(patch, other), box, moved)
-        other_lift, least, lateral = _bound_lift(other, under, -g1, -g2)
+        other_lift, least, lateral = bound_lift(other, under, -g1, -g2)
     other_valley = _bound_valley_rise(textures, other, least)
     shift += 0.0 if other.is_level else texture_size(textures, other) * lateral
     return Lifts(lift, other_lift, valley, other_valley, shift / other.lateral_min)
@@ -105,7 +105,7 @@ def _unit_lift(patch, g1, g2):
 
 
 @small_kernel
-def _bound_lift(patch, box, g1, g2):
+def bound_lift(patch, box, g1, g2):
     """Return the largest and smallest lift, and the largest lateral component of the normal.
 
     The lift is the rise of the overlap per height of a plane's texture. (g1, g2) is the slope of
