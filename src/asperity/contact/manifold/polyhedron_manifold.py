@@ -34,16 +34,16 @@ from asperity.contact.manifold.region_gradient import add_moment_rates, add_piec
 from asperity.contact.manifold.separation import (
     ABOUT,
     ALONG,
-    APART,
     EDGES,
     FARTHEST,
     cosine,
+    is_beside_simpler,
     is_stood_for,
     smooth_step,
     smooth_step_slope,
 )
 from asperity.contact.response.potential import fill_potential
-from asperity.contact.response.thinning import has_no_shorter, is_thinned_out
+from asperity.contact.response.thinning import is_present, is_thinned_out
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import add_to_world, fill_origin
 
@@ -177,15 +177,10 @@ def _depth_that_counts(rows, used, at, least):
     found, most = rows[at], RATIO * _LONGEST * least
     for j in range(at):
         other = rows[j]
-        is_near = other.gap_scale * (other.gap - other.rough) <= ABOUT * least
-        is_simpler = other.kind < found.kind and other.depth > 0.0 and other.share == 1.0
-        if is_simpler and is_near and cosine(other, found) >= ALONG:
-            is_full = has_no_shorter(rows, used, j)
-            for k in range(j):
-                is_beside = rows[k].kind < other.kind and cosine(rows[k], other) > APART
-                is_full = is_full and not is_beside
-            if is_full:
-                most = min(most, other.depth / ABOUT)
+        is_simpler = other.kind < found.kind and other.depth > 0.0
+        stands = is_simpler and cosine(other, found) >= ALONG and is_present(rows, used, j, least)
+        if stands and not is_beside_simpler(rows, 0, j):
+            most = min(most, other.depth / ABOUT)
     return most
 
 

@@ -214,6 +214,15 @@ def smooth_step_slope(x):
 
 
 @inner_kernel
+def is_beside_simpler(rows, first, i):
+    """Return whether a row from `first` on, of a simpler kind, may take weight from row `i`."""
+    found = False
+    for k in range(first, i):
+        found = found or (rows[k].kind < rows[i].kind and cosine(rows[k], rows[i]) > APART)
+    return found
+
+
+@inner_kernel
 def is_stood_for(rows, first, i, least):
     """Return whether another direction that has been searched represents row `i` of a part.
 
@@ -224,11 +233,7 @@ def is_stood_for(rows, first, i, least):
         other = rows[j]
         is_near = other.gap - other.rough <= ABOUT * least
         is_deep = other.kind < found.kind and other.depth > 0.0
-        if is_deep and is_near and cosine(other, found) >= found.aligned:
-            is_full = True
-            for k in range(first, j):
-                is_beside = rows[k].kind < other.kind and cosine(rows[k], other) > APART
-                is_full = is_full and not is_beside
-            if is_full:
-                return True
+        stands = is_deep and is_near and cosine(other, found) >= found.aligned
+        if stands and not is_beside_simpler(rows, first, j):
+            return True
     return False

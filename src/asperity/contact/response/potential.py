@@ -43,7 +43,7 @@ from asperity.contact.manifold.separation import (
     smooth_step,
 )
 from asperity.contact.response.thinning import thin_out
-from asperity.contact.response.ways_out import RATIO, fill_choices, update_choices
+from asperity.contact.response.ways_out import RATIO, cosine_of, fill_choices, update_choices
 
 _DOUBLINGS = 6
 """Maximum number of times that the bound on the length is doubled."""
@@ -63,7 +63,7 @@ def _own_weight(separations, inputs, i, s):
 @inner_kernel
 def _redundancy(inputs, i, j):
     """Return how redundant direction `i` is given `j`, by their angle and depths, 0 to 1."""
-    c = inputs[i, 3] * inputs[j, 3] + inputs[i, 4] * inputs[j, 4] + inputs[i, 5] * inputs[j, 5]
+    c = cosine_of(inputs[i], inputs[j])
     deeper = (inputs[j, 0] / inputs[i, 0] - ABOUT) / (RATIO - ABOUT)
     return smooth_step((c - APART) / (ALONG - APART)) * (1.0 - smooth_step(deeper))
 

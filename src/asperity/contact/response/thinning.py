@@ -18,6 +18,7 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel
 from asperity.contact.manifold.separation import ABOUT, FACE_A, LONGEST, cosine, smooth_step
+from asperity.contact.response.ways_out import cosine_of
 
 _BESIDE, _AT = 0.9135, 0.9613
 """Cosines between two directions over which the shorter one comes to stand for the other (24 and
@@ -58,9 +59,7 @@ def thin_out(separations, ways, used, s):
             later = (inputs[i, 1] - inputs[j, 1]) / (_LATER * s)
             if later <= 0.0 or not _may_stand_for(separations[j], separations[i]):
                 continue
-            along = 0.0
-            for k in range(3, 6):
-                along += inputs[i, k] * inputs[j, k]
+            along = cosine_of(inputs[i], inputs[j])
             if along > _BESIDE:
                 part = smooth_step((along - _BESIDE) / (_AT - _BESIDE)) * smooth_step(later)
                 deeper = (inputs[j, 0] / s - _SHALLOW) / (_DEEP - _SHALLOW)
@@ -68,12 +67,19 @@ def thin_out(separations, ways, used, s):
 
 
 @inner_kernel
-def has_no_shorter(rows, used, i):
-    """Return whether no direction that counts, or may, stands for row `i` to any part."""
+def is_present(rows, used, i, least):
+    """Return whether row `i` is wholly present, if the least depth is `least` [m].
+
+    No direction that counts, or may, stands for any part of it.
+    """
+    found = rows[i]
+    is_near = found.gap_scale * (found.gap - found.rough) <= ABOUT * least
+    if found.share < 1.0 or not is_near:
+        return False
     for j in range(used):
         is_out = rows[j].depth == -np.inf
-        is_shorter = rows[j].gap < rows[i].gap and _may_stand_for(rows[j], rows[i])
-        if is_shorter and not is_out and cosine(rows[i], rows[j]) > _BESIDE:
+        is_shorter = rows[j].gap < found.gap and _may_stand_for(rows[j], found)
+        if is_shorter and not is_out and cosine(found, rows[j]) > _BESIDE:
             return False
     return True
 
@@ -96,11 +102,10 @@ def is_thinned_out(rows, used, i, least):
     found = rows[i]
     for j in range(used):
         other = rows[j]
-        if not 0.0 < other.depth <= _NOT_DEEPER * least or other.share < 1.0:
+        if not 0.0 < other.depth <= _NOT_DEEPER * least:
             continue
-        is_near = other.gap_scale * (other.gap - other.rough) <= ABOUT * least
         is_later = other.gap_scale * (found.gap - other.gap) >= _LATER * LONGEST * least
-        stands = is_near and is_later and cosine(found, other) >= _AT
-        if stands and _may_stand_for(other, found) and has_no_shorter(rows, used, j):
+        stands = is_later and cosine(found, other) >= _AT and _may_stand_for(other, found)
+        if stands and is_present(rows, used, j, least):
             return True
     return False

@@ -62,9 +62,15 @@ def ways_out(separations: int) -> WaysOut:
 
 
 @small_kernel
+def cosine_of(one, two):
+    """Return the cosine of the angle between the normals of two rows of inputs."""
+    return one[3] * two[3] + one[4] * two[4] + one[5] * two[5]
+
+
+@small_kernel
 def _gram(one, two):
     """Return psi . psi of the normals of two rows of inputs."""
-    c = one[3] * two[3] + one[4] * two[4] + one[5] * two[5]
+    c = cosine_of(one, two)
     return 0.5 * c * (1.0 + c)
 
 

@@ -20,7 +20,8 @@ from asperity.contact.narrow_phase.bounds.curvature import (
     curvature_bound,
     drift_of,
 )
-from asperity.contact.narrow_phase.bounds.planes import bound_lift
+from asperity.contact.narrow_phase.bounds.plane_pairs import lifting_height
+from asperity.contact.narrow_phase.bounds.planes import bound_lift, bound_valley_rise
 from asperity.contact.narrow_phase.bounds.sheets import largest_slope, nearby, over_box
 from asperity.contact.narrow_phase.bounds.texture import smooth_bounds
 from asperity.contact.narrow_phase.outermost import highest_over, may_fold
@@ -56,15 +57,15 @@ def _bound_below_highest(textures, patch, other, over, half, under, highest, sea
     """Return a bound of the overlap over a box where the other texture is not above `highest`.
 
     `over` bounds the first texture over the box, `half` are the half sides of that, and `under` is
-    the part of the other patch's base under it. `search.surface` is the point at the centre, so
-    that the bound converges with the size of the box, in spite of the points' displacement.
+    the part of the other patch's base under it, around that of the centre. `search.surface` is the
+    point at the centre, so that the bound converges with the size of the box, in spite of the
+    points' displacement.
     """
     half_x, half_y = half
-    s_x, s_y, p = other.slope[0], other.slope[1], search.surface.p
+    s_x, s_y = other.slope[0], other.slope[1]
     i, j, k, m = entries(other.lateral_inverse)
     g1, g2 = i * s_x + k * s_y, j * s_x + m * s_y
-    x, y = parameters_at(other, p[0], p[1])
-    bound = p[2] + other.origin[2] + s_x * x + s_y * y
+    bound = search.surface.p[2] + other.origin[2] + s_x * under[0] + s_y * under[1]
     _, b1, b2, _, c1, c2 = parameters_over(patch, other)
     bound += abs(patch.slope[0] + s_x * b1 + s_y * c1) * half_x
     bound += abs(patch.slope[1] + s_x * b2 + s_y * c2) * half_y
@@ -73,8 +74,8 @@ def _bound_below_highest(textures, patch, other, over, half, under, highest, sea
         steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
         bound += math.sqrt(half_x * half_x + half_y * half_y) * steepness * (over.slope + turned)
     lift, least, _ = bound_lift(other, under, -g1, -g2)
-    rise = lift * (highest if other.is_unit else max(highest, 0.0))
-    return bound + max(rise, -least * texture_size(textures, other) if least < 0.0 else -np.inf)
+    rise = lift * lifting_height(other, highest)
+    return bound + max(rise, bound_valley_rise(textures, other, least))
 
 
 @inner_kernel
@@ -100,11 +101,13 @@ def plane_bound(textures, pair, box, bound, search):
     if is_apart(other, base_x, base_y, reach):
         return box_bound(-np.inf, UNEVALUATED, 0.0, 0.0)
     closest, highest, folds = 0.0, np.inf, may_fold(textures, other)
-    _, b1, b2, _, c1, c2 = parameters_over(patch, other)
-    astray = drift * radius / other.lateral_min
-    reach_x = abs(b1) * half_x + (abs(b2) * half_y + astray)
-    reach_y = abs(c1) * half_x + (abs(c2) * half_y + astray)
-    under = (base_x, base_y, reach_x, reach_y)
+    under = (base_x, base_y, 0.0, 0.0)
+    if other.texture >= 0:
+        _, b1, b2, _, c1, c2 = parameters_over(patch, other)
+        astray = drift * radius / other.lateral_min
+        reach_x = abs(b1) * half_x + (abs(b2) * half_y + astray)
+        reach_y = abs(c1) * half_x + (abs(c2) * half_y + astray)
+        under = (base_x, base_y, reach_x, reach_y)
     if folds:
         highest = highest_over(textures, other, under)
         if highest == -np.inf:

@@ -63,7 +63,7 @@ def _mapped_top(textures, patch, x, y, half_x, half_y):
 
 
 @small_kernel
-def _lifting_height(patch, high):
+def lifting_height(patch, high):
     """Return the height to multiply by a lift: where normals vary, at least 0."""
     return high if patch.is_unit else max(high, 0.0)
 
@@ -175,7 +175,7 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
 @small_kernel
 def _least_height(patch, need, lift):
     """Return the minimum texture height at which the overlap can still reach `need` [m]."""
-    # As for `_lifting_height`.
+    # As for `lifting_height`.
     return need / lift if lift > 0.0 and (patch.is_unit or need > 0.0) else -np.inf
 
 
@@ -208,8 +208,8 @@ def _lateral_bound(textures, patch, other, planes, box, under, heights, threshol
     textures; `under` is the part of the other patch under the box.
     """
     smooth, high_x, high_y = heights
-    up_x = planes.lift * _lifting_height(patch, high_x)
-    up_y = planes.other_lift * _lifting_height(other, high_y)
+    up_x = planes.lift * lifting_height(patch, high_x)
+    up_y = planes.other_lift * lifting_height(other, high_y)
     low_x = _least_height(patch, threshold - smooth - up_y, planes.lift)
     low_y = _least_height(other, threshold - smooth - up_x, planes.other_lift)
     if low_x > high_x or low_y > high_y:
@@ -231,7 +231,7 @@ def _lateral_bound(textures, patch, other, planes, box, under, heights, threshol
         high_y = _mapped_top(textures, other, bx, by, reach_x, reach_y)
     else:
         high_y = _planar_top(textures, other, bx, by, reach_x, reach_y)
-    up_y = planes.other_lift * _lifting_height(other, high_y)
+    up_y = planes.other_lift * lifting_height(other, high_y)
     return max(smooth + up_x + up_y, threshold)
 
 
@@ -241,8 +241,8 @@ def _combined(patch, other, planes, smooth, top, high_x, high_y):
 
     `smooth` bounds the overlap of the bases, `top` the sum of their largest heights.
     """
-    high_x = _lifting_height(patch, high_x)
-    high_y = _lifting_height(other, high_y)
+    high_x = lifting_height(patch, high_x)
+    high_y = lifting_height(other, high_y)
     # No point is higher than the sum of the base's top and the highest texture.
     top = _sum_of_tops(patch, other, top, high_x, high_y)
     up_x, up_y = planes.lift * high_x, planes.other_lift * high_y
@@ -252,8 +252,8 @@ def _combined(patch, other, planes, smooth, top, high_x, high_y):
 @small_kernel
 def top_bound(textures, patch, other):
     """Return the sum of the largest heights of two patches, inf if it is unknown [m]."""
-    high_x = _lifting_height(patch, _patch_top(textures, patch))
-    high_y = _lifting_height(other, _patch_top(textures, other))
+    high_x = lifting_height(patch, _patch_top(textures, patch))
+    high_y = lifting_height(other, _patch_top(textures, other))
     return _sum_of_tops(patch, other, patch.base_top + other.base_top, high_x, high_y)
 
 

@@ -63,7 +63,7 @@ def lifts_within(textures, patch, other, box):
     s_x, s_y = other.slope[0], other.slope[1]
     g1, g2 = i * s_x + k * s_y, j * s_x + m * s_y
     lift, least, lateral = bound_lift(patch, box, g1, g2)
-    valley = _bound_valley_rise(textures, patch, least)
+    valley = bound_valley_rise(textures, patch, least)
     shift = texture_size(textures, patch) * lateral
     other_lift, lateral = _unit_lift(other, -g1, -g2), other.normal_lateral
     least = other_lift
@@ -71,7 +71,7 @@ def lifts_within(textures, patch, other, box):
         moved = (shift + lateral_shift(textures, other)) / other.lateral_min
         under = box_under(parameters_over(patch, other), box, moved)
         other_lift, least, lateral = bound_lift(other, under, -g1, -g2)
-    other_valley = _bound_valley_rise(textures, other, least)
+    other_valley = bound_valley_rise(textures, other, least)
     shift += 0.0 if other.is_level else texture_size(textures, other) * lateral
     return Lifts(lift, other_lift, valley, other_valley, shift / other.lateral_min)
 
@@ -93,7 +93,7 @@ def planes_of(patch, other, lifts):
 
 
 @small_kernel
-def _bound_valley_rise(textures, patch, least):
+def bound_valley_rise(textures, patch, least):
     """Return the largest rise by valleys of a plane whose lift is at least `least` [m]."""
     return -least * texture_size(textures, patch) if least < 0.0 else -np.inf
 
