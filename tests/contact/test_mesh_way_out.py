@@ -9,10 +9,13 @@ from asperity._core.kernels import kernel
 from asperity.contact.response.mesh_way_out import fill_way_out
 from contact.naive_meshes import brick, engine_of, slab
 
+RAISED = 1e-4
+"""Height of the textures [m]."""
+
 
 @kernel
 def _way_out(space):
-    return fill_way_out(space)
+    return fill_way_out(RAISED, space)
 
 
 @pytest.fixture(scope="module")
@@ -20,13 +23,15 @@ def space():
     return engine_of(brick((1e-3, 1e-3, 1e-3)), slab())._mesh.space
 
 
-def way_out(space, normals, depths, residuals):
-    """Return the way out by some directions [m]."""
+def way_out(space, normals, depths, residuals, volumes=1e-8, deepest=0.0):
+    """Return the way out by some directions [m]; the smooth bodies overlap by `deepest` [m]."""
     count = len(depths)
+    space.region.sums["volume"][:count] = volumes
+    space.region.sums["deepest"][:count] = deepest
     space.directions[:] = np.zeros((), space.directions.dtype)
     space.directions["patches"][:count] = 1
     space.directions["presence"][:count] = 1.0
-    space.directions["depth"][:count] = depths
+    space.directions["depth"][:count] = space.directions["lowest"][:count] = depths
     space.directions["normal"][:count] = normals
     space.residuals.value[:count, :count] = residuals
     return _way_out(space)
@@ -112,3 +117,56 @@ def test_derivatives_are_finite_whatever_the_directions(space):
         assert np.isfinite(space.directions["rate"]).all()
         assert np.isfinite(space.directions["turn"]).all()
         assert np.isfinite(space.residuals.rate).all()
+
+
+def widths(of_wide, deepest):
+    """Return volumes of regions [m^3] at parts of the width from which a direction counts fully."""
+    return 0.03 * np.array(of_wide) * (RAISED + np.asarray(deepest)) ** 3
+
+
+def test_a_narrow_direction_comes_gradually(space):
+    """A wall that the tool begins to touch, 0.4 mm deep at once: the way out leapt fivefold."""
+    normals, residuals = np.eye(3)[:2], np.ones((2, 2))
+    depths, deepest = [90e-6, 400e-6], np.array([1e-4, 4e-4])
+    ways = []
+    for part in np.linspace(0.0, 1.2, 200):
+        volumes = widths([3.0, part], deepest)
+        ways.append(way_out(space, normals, depths, residuals, volumes, deepest))
+    assert ways[0] == 90e-6
+    assert ways[-1] == pytest.approx(math.hypot(*depths))
+    assert 0.0 < np.diff(ways).max() < 0.02 * ways[-1]
+    assert np.diff(ways).min() > -1e-3 * ways[-1]
+
+
+def test_a_narrow_direction_of_no_depth_resolves_nothing(space):
+    """Beside an edge that the tool only begins to reach, the way out fell by a fifth."""
+    normals, residuals = np.eye(3)[:2], np.array([[0.0, 0.8], [1.0, 0.0]])
+    one = way_out(space, normals[:1], [60e-6], [[0.0]])
+    for part in (0.0, 1e-9, 0.099):
+        two = way_out(space, normals, [60e-6, 0.0], residuals, widths([3.0, part], 0.0))
+        assert two == pytest.approx(one, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("of_wide", "depths"),
+    [((3.0, 0.5), (90e-6, 400e-6)), ((0.05, 0.02), (90e-6, 300e-6)), ((0.4, 2.0), (400e-6, 90e-6))],
+)
+def test_derivatives_by_volumes_and_heights_are_those_of_the_way_out(space, of_wide, depths):
+    normals, residuals = np.array([[1.0, 0.0, 0.0], [0.1, 0.99, 0.0]]), np.full((2, 2), 0.9)
+    deepest = np.array([3.5e-4, 4e-4])
+    volumes = widths(of_wide, deepest)
+
+    def at(volumes, deepest):
+        return way_out(space, normals, depths, residuals, volumes, deepest)
+
+    s = at(volumes, deepest)
+    rates = {name: space.directions[name][:2].copy() for name in ("volume_rate", "height_rate")}
+    assert any(np.abs(rates["volume_rate"] * volumes) > 1e-2 * s)
+    for i in range(2):
+        for name, given in (("volume_rate", volumes), ("height_rate", deepest)):
+            step = np.zeros(2)
+            step[i] = 1e-5 * given[i]
+            change = step if name == "volume_rate" else np.zeros(2)
+            ends = [at(volumes + k * change, deepest + k * (step - change)) for k in (1, -1)]
+            found = (ends[0] - ends[1]) / (2.0 * step[i])
+            assert rates[name][i] * given[i] == pytest.approx(found * given[i], abs=1e-6 * s)

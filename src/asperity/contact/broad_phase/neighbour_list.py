@@ -74,7 +74,7 @@ class RelativePose(NamedTuple):
 
 
 @inner_kernel
-def _separation(table: FacetTable, f, g, limits, facets):
+def separation(table: FacetTable, f, g, limits, facets):
     """Return a lower bound of the motion until two facets are within `limits` [m].
 
     It is a separation of the facets, projected along g's normal, by a side of either, or the
@@ -139,7 +139,7 @@ def _motion_until_listed(table: FacetTable, f, g, limits, size, facets):
     """
     motion = (limits.min_cosine - facing_cosine(table, f, g, facets)) * size
     motion = max(motion, sphere_separation(table, f, g, limits, facets))
-    return motion if motion > 0.0 else _separation(table, f, g, limits, facets)
+    return motion if motion > 0.0 else separation(table, f, g, limits, facets)
 
 
 @inner_kernel
@@ -169,7 +169,7 @@ def _rebuild_from_bvh(table: FacetTable, pose, limits, lists, facets):
     count = np.int64(0)
     for i in range(found):
         f, g = facets.pairs[i, 0], facets.pairs[i, 1]
-        if _separation(table, f, g, limits, facets) <= 0.0:
+        if separation(table, f, g, limits, facets) <= 0.0:
             count = append_pair(lists.inner.pairs, pose.row, count, f, g)
     return count
 

@@ -13,7 +13,8 @@ import numpy as np
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.records import clear_record
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
-from asperity.contact.broad_phase.facet_pairs import facing_cosine, flattest
+from asperity.contact.broad_phase.facet_pairs import facing_cosine, flattest, pair_limits
+from asperity.contact.broad_phase.neighbour_list import separation
 from asperity.contact.manifold.inside import is_across_cavity
 from asperity.contact.manifold.overlap_region import (
     add_piece,
@@ -83,6 +84,7 @@ def _drop_steep(table, query, count, region):
 def _integrate(table, query, count, thin, least, region):
     """Integrate the pairs above a cosine; return how many are kept, and their volume."""
     sums, limit, reach, kept, total = region.sums, query.limit, query.raised, 0, 0.0
+    limits = pair_limits(limit, reach, 0.0)
     for d in range(DIRECTIONS):
         clear_record(sums[d])
         sums[d].deepest = -np.inf
@@ -94,6 +96,8 @@ def _integrate(table, query, count, thin, least, region):
         is_piece, deepest, corner = piece[1] >= 3, -np.inf, 0
         if is_piece:
             deepest, corner = deepest_corner(region, piece)
+        elif separation(table, f, g, limits, region.facets) > 0.0:
+            continue  # listed for a motion that has not come
         if deepest > limit:
             piece = clip_depth(region, piece, limit)
             if piece[1] < 3:  # it is beyond the limit where it is over B's facet

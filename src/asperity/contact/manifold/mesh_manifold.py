@@ -58,7 +58,7 @@ from asperity.contact.manifold.properties import (
 )
 from asperity.contact.manifold.records import MAX_DIRECTIONS
 from asperity.contact.manifold.region_gradient import add_piece_gradient, fill_polynomial
-from asperity.contact.manifold.residual import add_residual_gradient
+from asperity.contact.manifold.residual import add_deepest, add_residual_gradient
 from asperity.contact.manifold.split import add_line_rates
 from asperity.contact.narrow_phase.load import scale_of
 from asperity.contact.response.mesh_way_out import fill_way_out
@@ -160,8 +160,8 @@ def _find_way_out(model, parameters, query, memory, space, workspace):
     if is_pair:
         way_out = polyhedron_way_out(model, parameters, query, count, memory, space, workspace)
         return way_out, count
-    searched = search_directions(model, parameters, query, count, memory, space, workspace)
-    return fill_way_out(space) if searched > 0 else 0.0, count
+    touches = search_directions(model, parameters, query, count, memory, space, workspace)
+    return fill_way_out(query.raised, space) if touches else 0.0, count
 
 
 @inner_kernel
@@ -330,7 +330,7 @@ def _has_rest(space):
         direction = space.directions[d]
         if direction.patches == 0:
             continue
-        if direction.presence_rate != 0.0:
+        if direction.presence_rate != 0.0 or direction.height_rate != 0.0:
             return True
         if direction.volume_rate != 0.0 or not _is_flat(space.region.sums[d]):
             return True
@@ -358,6 +358,8 @@ def _add_rest(table, query, count, parameters, way_out, space, rest_io):
     for d in range(DIRECTIONS):
         for c in range(DIRECTIONS):
             add_residual_gradient(table, query, count, (d, c), centre, space, gradient)
+        if space.directions[d].height_rate != 0.0:
+            add_deepest(region.sums[d], space.directions[d].height_rate, centre, gradient)
     for i in range(count):
         rates[i] = 0.0
     for d in range(DIRECTIONS):

@@ -15,7 +15,7 @@ from asperity._core.kernels import clear, inner_kernel
 from asperity._core.records import clear_record, copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
-from asperity.contact.manifold.directions import search_direction
+from asperity.contact.manifold.direction_depth import DirectionTask, search_direction
 from asperity.contact.manifold.overlap_region import add_piece, clip_piece
 from asperity.contact.manifold.polyhedron_pair import (
     PolyhedronPair,
@@ -266,7 +266,8 @@ def polyhedron_way_out(model, parameters, query, count, memory, space, workspace
             for k in range(3):
                 direction.normal[k] = found.normal[k]
             _fill_region(table, query, found, space.polyhedra.faces, region.sums[d])
-            task = (d, count, _depth_that_counts(rows, used, at, least), -1)
+            ceiling = _depth_that_counts(rows, used, at, least)
+            task = DirectionTask(d, count, ceiling, -1, False)
             counts = search_direction(model, parameters, query, task, memory, space, workspace)
             if direction.depth == 0.0 and (least == np.inf or counts):
                 return 0.0

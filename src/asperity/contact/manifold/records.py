@@ -38,10 +38,14 @@ DIRECTION = np.dtype(
         ("first", "i8"),  # row of the first patch
         ("patches", "i8"),  # number of patches; 0 if not searched
         ("visited", "?"),  # whether it has been searched or skipped
+        ("is_deferred", "?"),  # whether its depth is only known to be within bounds
+        ("lowest", "f8"),  # lower bound of the depth [m]
+        ("highest", "f8"),  # upper bound of the depth [m]; inf if unknown
         ("known", "?"),  # whether the residuals after leaving by it are filled
         ("own_volume", "f8"),  # of two convex bodies: integral of w over its facets [m^3]
         ("presence", "f8"),  # how far it counts, 0 to 1
-        ("presence_rate", "f8"),  # derivative of the way out by that [m]
+        ("presence_rate", "f8"),  # derivative of the way out by that [m]; of two convex bodies
+        ("height_rate", "f8"),  # derivative of the way out by the region's largest overlap
         ("rate", "f8"),  # derivative of the way out by the depth
         ("turn", "f8", 3),  # derivative of the way out by the normal [m]
         ("volume_rate", "f8"),  # derivatives by the integrals of the region [1/m^2]

@@ -9,8 +9,7 @@ normal through the centroid of its region. Leaving by c resolves the part of d w
 - A's surface lies *within* reach of it: no deeper behind the plane than the tool is moved.
 
 The *residual* rises smoothly from 0 to 1 with the fraction of the region's volume that is not
-resolved. A region much narrower than it is deep counts less, and not at all as its area vanishes,
-so that contacts begin and end continuously.
+resolved.
 """
 
 from __future__ import annotations
@@ -46,9 +45,6 @@ textures."""
 _COPLANAR = 1e-3
 """Fraction of that depth by which a facet may lie before the plane, to include coplanar facets."""
 
-_NARROW, _WIDE = 0.003, 0.03
-"""Volumes of a region, over its depth cubed, between which its residual is blended in."""
-
 
 @by_reference
 class Residuals(NamedTuple):
@@ -58,8 +54,6 @@ class Residuals(NamedTuple):
     """Residual of the direction of the row, given that of the column; nan if unknown; (6, 6)."""
     slope: NDArray[np.float64]
     """Its derivative by the resolved fraction of the volume, (6, 6)."""
-    whole: NDArray[np.float64]
-    """The residual without the factor for narrow regions, (6, 6)."""
     rate: NDArray[np.float64]
     """Derivative of the way out by the residual [m], (6, 6)."""
 
@@ -77,7 +71,7 @@ class Leaving(NamedTuple):
 
 def residuals() -> Residuals:
     """Allocate memory for the residuals of one body."""
-    return Residuals(*(np.zeros((DIRECTIONS, DIRECTIONS)) for _ in range(4)))
+    return Residuals(*(np.zeros((DIRECTIONS, DIRECTIONS)) for _ in range(3)))
 
 
 @inner_kernel
@@ -152,12 +146,6 @@ def _classify_pair(table, f, g, leaving, region):
 
 
 @inner_kernel
-def _width(sums, reach):
-    """Return a region's width relative to its depth: up to 0 is narrow, from 1 on wide."""
-    return (sums.volume / (sums.deepest + reach) ** 3 - _NARROW) / (_WIDE - _NARROW)
-
-
-@inner_kernel
 def fill_residuals(table, query, count, c, space):
     """Fill the residuals of all directions after the tool has left by direction `c`.
 
@@ -192,10 +180,8 @@ def fill_residuals(table, query, count, c, space):
     for d in range(DIRECTIONS):
         if d != c and region.sums[d].volume > 0.0:
             x = (1.0 - resolved[d] / region.sums[d].volume - _RESOLVED) / (_REMAINS - _RESOLVED)
-            wide = smooth_step(_width(region.sums[d], query.raised))
-            found.whole[d, c] = smooth_step(x)
-            found.value[d, c] = wide * found.whole[d, c]
-            found.slope[d, c] = -wide * smooth_step_slope(x) / (_REMAINS - _RESOLVED)
+            found.value[d, c] = smooth_step(x)
+            found.slope[d, c] = -smooth_step_slope(x) / (_REMAINS - _RESOLVED)
 
 
 @inner_kernel
@@ -282,17 +268,7 @@ def add_residual_gradient(table, query, count, pair, centre, space, gradient_io)
     region, found, direction, place = (
         space.region, space.residuals, space.directions[c], stack_array((3,)),
     )  # fmt: skip
-    if found.rate[d, c] == 0.0:
-        return
-    _add_width(
-        region.sums[d],
-        query.raised,
-        found.rate[d, c] * found.whole[d, c],
-        centre,
-        space.directions[d],
-        gradient_io,
-    )
-    if found.slope[d, c] == 0.0:
+    if found.rate[d, c] == 0.0 or found.slope[d, c] == 0.0:
         return
     sums, volume, resolved = region.sums[c], region.sums[d].volume, 0.0
     rate = found.rate[d, c] * found.slope[d, c] / volume
@@ -323,17 +299,6 @@ def add_deepest(sums, rate, centre, gradient_io):
         arm[k] = sums.deepest_point[k] - centre[k]
         force[k] = -rate * sums.deepest_slope[k]
     add_at_point(gradient_io, arm, force)
-
-
-@inner_kernel
-def _add_width(sums, reach, rate, centre, direction, gradient_io):
-    """Add the gradient of a region's width, times `rate`."""
-    rate *= smooth_step_slope(_width(sums, reach)) / (_WIDE - _NARROW)
-    if rate == 0.0:
-        return
-    depth = sums.deepest + reach
-    direction.volume_rate += rate / depth**3
-    add_deepest(sums, -3.0 * rate * sums.volume / depth**4, centre, gradient_io)
 
 
 @inner_kernel

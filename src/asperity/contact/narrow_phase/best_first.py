@@ -334,7 +334,8 @@ def _ascend_in_best(textures, stride, size, memory, queue):
     This improves the incumbent of a search that ends before dividing them.
     """
     search = memory.search[0]
-    most = _LAST_CUT if search.is_cut_short else _LAST
+    is_short = search.is_cut_short or search.node_limit < _LAST
+    most = _LAST_CUT if is_short else _LAST
     for k in range(min(size, most)):
         node = queue.nodes[queue.heap[k]]
         candidate = memory.candidates[node.candidate]

@@ -11,6 +11,13 @@ and the least |tau| is its length: see `potential` and `ways_out`. Against a dir
 resolves, tau may go. At a convex edge residuals are 0, and each side is a way out. In a groove they
 are 1, and all choices are equal: both walls. Everything between is continuous.
 
+A direction whose region is much narrower than it is deep counts less. With V the volume of its
+region and H the largest of its depth and of the overlap of the highest points of both textures, its
+*presence* p rises from 0 to 1 as V / H^3 goes from a tenth of `_WIDE` to that (of the largest of
+all directions where none is as wide). So directions begin and end continuously. Of what remains of
+a direction p times counts; it resolves p times as much of others; and choices with it have p times
+their share. For convex bodies see `manifold.convex_regions`.
+
 A choice *dominated* by a shorter one, because it has to cover all that the other covers and more,
 is no separate way out. How far it is one falls to 0 as it gets longer, by up to a tenth, and
 is 0 where the shorter one resolves everything.
@@ -23,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.kernels import inner_kernel
+from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.structures import by_reference
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.manifold.separation import LONGEST, smooth_step
@@ -45,11 +52,16 @@ _COUNTS = 0.2
 """Depth of a direction, over the length of a choice, from which on it counts as not resolved."""
 _ALIKE = 0.05
 """Difference of the distances of two choices, over the length, below which they begin to be one."""
+_WIDE, _NARROW = 0.03, 0.1
+"""Volume of a region over its depth cubed from which on it is wide, and fraction of that (or of the
+largest of the directions) below which it does not count."""
 _AGAINST = 0.125
 """Largest distance against a resolved direction, over the depths of a choice's members.
 
 psi(n) . psi(m) is nowhere less than -1/8.
 """
+_LEAST_HEIGHT = 1e-12
+"""Avoids a division by 0 [m]."""
 _BY_SIZE = np.array(sorted(range(1, 1 << DIRECTIONS), key=lambda members: members.bit_count()))
 """All choices, as the bits of their members; those of few directions come first."""
 
@@ -77,6 +89,14 @@ class MeshChoices(NamedTuple):
     """How far each direction counts, 0 to 1; (6,)."""
     residual: NDArray[np.float64]
     """(6, 6)"""
+    volume: NDArray[np.float64]
+    """Of each direction's region [m^3], (6,)."""
+    height: NDArray[np.float64]
+    """Largest overlap of the highest points of both textures [m], (6,)."""
+    excess: NDArray[np.float64]
+    """Depth over the lower bound of it [m], (6,): 0 unless the direction is deferred."""
+    are_solid: NDArray[np.bool_]
+    """Whether both bodies are convex, (1,)."""
 
 
 def mesh_choices() -> MeshChoices:
@@ -93,25 +113,99 @@ def mesh_choices() -> MeshChoices:
         depth=np.zeros(DIRECTIONS),
         presence=np.zeros(DIRECTIONS),
         residual=np.zeros((DIRECTIONS, DIRECTIONS)),
+        volume=np.zeros(DIRECTIONS),
+        height=np.zeros(DIRECTIONS),
+        excess=np.zeros(DIRECTIONS),
+        are_solid=np.zeros(1, np.bool_),
     )
 
 
+@small_kernel
+def _width(volume, height):
+    """Return the width of a region relative to its depth."""
+    return volume / max(height, _LEAST_HEIGHT) ** 3
+
+
+@small_kernel
+def _least_width(c, raised, space):
+    """Return the width of a direction's region, a lower bound of it if it is deferred."""
+    sums = space.region.sums[c]
+    return _width(sums.volume, max(sums.deepest + raised, space.directions[c].highest))
+
+
 @inner_kernel
-def collect_directions(space):
-    """Fill the inputs of the choices; return the number of directions."""
+def is_narrow(d, raised, space):
+    """Return whether direction `d` does not count, however deep it is, beside those searched."""
+    sums, widest = space.region.sums[d], 0.0
+    for c in range(DIRECTIONS):
+        if space.directions[c].patches > 0:
+            widest = max(widest, _least_width(c, raised, space))
+    narrow = _NARROW * min(widest, _WIDE)
+    return not space.choices.are_solid[0] and _width(sums.volume, sums.deepest + raised) <= narrow
+
+
+@inner_kernel
+def is_wide(c, raised, space):
+    """Return whether direction `c`, searched or deferred, counts fully."""
+    if space.choices.are_solid[0]:
+        return space.directions[c].presence == 1.0
+    widest = 0.0
+    for d in range(DIRECTIONS):
+        sums = space.region.sums[d]
+        if sums.volume > 0.0:
+            widest = max(widest, _width(sums.volume, sums.deepest + raised))
+    return _least_width(c, raised, space) >= min(widest, _WIDE)
+
+
+@inner_kernel
+def fill_presences(choices, rows):
+    """Fill the presence of each direction, unless both bodies are convex."""
+    if choices.are_solid[0]:
+        return
+    widest = 0.0
+    for i in range(rows):
+        height = max(choices.height[i], choices.depth[i] - choices.excess[i])
+        choices.presence[i] = _width(choices.volume[i], height)
+        widest = max(widest, choices.presence[i])
+    widest = min(widest, _WIDE)
+    for i in range(rows):
+        part = choices.presence[i] / widest
+        choices.presence[i] = smooth_step((part - _NARROW) / (1.0 - _NARROW))
+
+
+@inner_kernel
+def collect_directions(raised, space):
+    """Fill the inputs of the choices; return the number of directions.
+
+    `raised` is the height of both textures above the smooth surfaces [m].
+    """
     choices, rows = space.choices, 0
     for d in range(DIRECTIONS):
-        if space.directions[d].patches > 0:
-            choices.number[rows], choices.depth[rows] = d, space.directions[d].depth
-            choices.presence[rows] = space.directions[d].presence
-            for k in range(3):
-                choices.ways.inputs[rows, 3 + k] = space.directions[d].normal[k]
+        direction = space.directions[d]
+        if direction.patches > 0:
+            choices.number[rows], choices.depth[rows] = d, direction.depth
+            choices.presence[rows] = direction.presence
+            choices.volume[rows] = space.region.sums[d].volume
+            choices.height[rows] = space.region.sums[d].deepest + raised
+            choices.excess[rows] = direction.depth - direction.lowest
             rows += 1
+    fill_presences(choices, rows)
+    kept = 0
     for i in range(rows):
-        for j in range(rows):
-            one, two = choices.number[i], choices.number[j]
-            choices.residual[i, j] = space.residuals.value[one, two]
-    return rows
+        if choices.presence[i] > 0.0:
+            for values in (
+                choices.depth, choices.presence, choices.volume, choices.height, choices.excess,
+            ):  # fmt: skip
+                values[kept] = values[i]
+            choices.number[kept] = choices.number[i]
+            kept += 1
+    for i in range(kept):
+        one = choices.number[i]
+        for k in range(3):
+            choices.ways.inputs[i, 3 + k] = space.directions[one].normal[k]
+        for j in range(kept):
+            choices.residual[i, j] = space.residuals.value[one, choices.number[j]]
+    return kept
 
 
 @inner_kernel
@@ -120,7 +214,7 @@ def fill_needed(choices, rows, c):
 
     Where it resolves a direction, the tool may also move against that one.
     """
-    members, all_depths = choices.members[c], 0.0
+    members, all_depths, are_solid = choices.members[c], 0.0, choices.are_solid[0]
     for i in range(rows):
         if members >> i & 1:
             all_depths += choices.depth[i]
@@ -129,7 +223,9 @@ def fill_needed(choices, rows, c):
         if not members >> i & 1:
             for j in range(rows):
                 if members >> j & 1:
-                    left *= choices.residual[i, j]
+                    part = 1.0 if are_solid else choices.presence[j]
+                    left *= 1.0 - part * (1.0 - choices.residual[i, j])
+            left *= 1.0 if are_solid else choices.presence[i]
         choices.needed[c, i] = left * choices.depth[i]
         choices.ways.inputs[i, 0] = choices.needed[c, i] - _AGAINST * (1.0 - left) * all_depths
 
@@ -160,6 +256,15 @@ def _presence(choices, rows, c):
 
 
 @inner_kernel
+def _sameness(choices, rows, c, other):
+    """Return how far choice `c` has the distances of another one before it, 0 to 1."""
+    off = 0.0
+    for i in range(rows):
+        off = max(off, abs(choices.needed[c, i] - choices.needed[other, i]))
+    return 1.0 - smooth_step(off / (_ALIKE * choices.ways.length[other]))
+
+
+@inner_kernel
 def _fill_distinct(choices, rows, count):
     """Fill how far each choice counts and differs from those before it, of no more directions.
 
@@ -168,12 +273,23 @@ def _fill_distinct(choices, rows, count):
     for c in range(count):
         distinct = _presence(choices, rows, c)
         for other in range(c):
-            off = 0.0
-            for i in range(rows):
-                off = max(off, abs(choices.needed[c, i] - choices.needed[other, i]))
-            same = 1.0 - smooth_step(off / (_ALIKE * choices.ways.length[other]))
-            distinct *= 1.0 - choices.distinct[other] * same
+            same = choices.distinct[other] * _sameness(choices, rows, c, other)
+            distinct *= 1.0 - presence_of(choices, rows, other) * same
         choices.distinct[c] = distinct
+
+
+@inner_kernel
+def _distinct_from(choices, rows, other, c):
+    """Return how far another choice is distinct, as choice `c` sees it: as if `c` were present.
+
+    A choice that is the same as `c` and comes after it has what `c` leaves it. So with a domination
+    between them both together count once, however far `c` is present.
+    """
+    part = presence_of(choices, rows, c)
+    if other < c or part == 1.0:
+        return choices.distinct[other]
+    same = choices.distinct[c] * _sameness(choices, rows, other, c)
+    return choices.distinct[other] * (1.0 - same) / max(1.0 - part * same, 1e-300)
 
 
 @inner_kernel
@@ -192,7 +308,9 @@ def fill_shares(choices, rows, count):
         for other in range(count):
             if other == c:
                 continue
-            more = choices.distinct[other] * _domination(choices, rows, c, other)
+            more = _domination(choices, rows, c, other)
+            if more > 0.0:
+                more *= _distinct_from(choices, rows, other, c) * presence_of(choices, rows, other)
             if more > 0.0:
                 ratio = (length[c] / length[other] - 1.0) / LONGER
                 longer = smooth_step(ratio)

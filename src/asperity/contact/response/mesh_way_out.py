@@ -9,11 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from asperity._core.kernels import inner_kernel
+from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.manifold.separation import LONGEST
 from asperity.contact.response.mesh_choices import (
     LONGER,
     collect_directions,
     fill_needed,
+    fill_presences,
     fill_shares,
     list_choices,
     presence_of,
@@ -22,12 +24,17 @@ from asperity.contact.response.ways_out import RATIO, fill_alike, update_choice
 
 _STEP = 1e-5
 """Relative step of the central differences."""
+_SAME = 1e-12
+"""Relative difference between two ways out that are equal up to rounding."""
+_ABSENT, _LOWEST, _HIGHEST = 0, 1, 2
+"""A deferred direction left out, or at the lower or the upper bound of its depth."""
 
 
 @inner_kernel
 def _update(choices, rows, count):
     """Solve all choices again for changed inputs; fill shares and S."""
     ways = choices.ways
+    fill_presences(choices, rows)
     for c in range(count):
         fill_needed(choices, rows, c)
         ways.length[c] = update_choice(ways.inputs, ways.choices[c], rows, ways.shares[c])
@@ -39,7 +46,8 @@ def _update(choices, rows, count):
 def _excess(choices, count, s):
     """Return the sum over choices minus 1, which is 0 at the smooth minimum s.
 
-    Choices that are alike count once, however their shares are divided among them.
+    Choices that are alike count once, however their shares are divided among them. What a choice
+    has lost to others that are alike is among their shares.
     """
     ways, distinct, own = choices.ways, choices.distinct, choices.own
     for c in range(count):
@@ -47,13 +55,14 @@ def _excess(choices, count, s):
         ways.weight[c] = x * x
     total = 0.0
     for c in range(count):
-        part = own[c] * distinct[c] * ways.weight[c]
-        if part > 0.0:
-            below = ways.weight[c] * distinct[c]
+        share = own[c] * distinct[c]
+        if share * ways.weight[c] > 0.0:
+            alike = 0.0
             for d in range(count):
                 if d != c:
-                    below += ways.alike[c, d] * own[d] * distinct[d] * ways.weight[d]
-            total += part * ways.weight[c] / below
+                    alike += ways.alike[c, d] * own[d] * distinct[d] * ways.weight[d]
+            missing = (distinct[c] - share) * ways.weight[c]
+            total += share * ways.weight[c] ** 2 / (share * ways.weight[c] + max(missing, alike))
     return total - 1.0
 
 
@@ -118,12 +127,42 @@ def _excess_after_change(choices, rows, count, s):
 
 
 @inner_kernel
+def _fill_width_rates(space, rows, count, s, by_s):
+    """Fill the derivatives of the way out by volumes and heights of the regions."""
+    choices, is_partial = space.choices, False
+    for i in range(rows):
+        is_partial = is_partial or 0.0 < choices.presence[i] < 1.0
+    if choices.are_solid[0] or not is_partial:
+        return
+    for i in range(rows):
+        direction, was = space.directions[choices.number[i]], choices.volume[i]
+        change = _STEP * was
+        choices.volume[i] = was + change
+        rise = _excess_after_change(choices, rows, count, s)
+        choices.volume[i] = was - change
+        rise -= _excess_after_change(choices, rows, count, s)
+        direction.volume_rate = -rise / (2.0 * change * by_s)
+        choices.volume[i], was = was, choices.height[i]
+        if was <= choices.depth[i]:
+            continue
+        change = min(_STEP * was, 0.5 * (was - choices.depth[i]))
+        choices.height[i] = was + change
+        rise = _excess_after_change(choices, rows, count, s)
+        choices.height[i] = was - change
+        rise -= _excess_after_change(choices, rows, count, s)
+        direction.height_rate = -rise / (2.0 * change * by_s)
+        choices.height[i] = was
+    _update(choices, rows, count)
+
+
+@inner_kernel
 def _fill_rates(space, rows, count, s):
     """Fill the derivatives of the way out by depths, normals and residuals."""
     choices, inputs = space.choices, space.choices.ways.inputs
     step = _STEP * s
     rise = _excess(choices, count, s + step)
     by_s = (rise - _excess(choices, count, s - step)) / (2.0 * step)
+    _fill_width_rates(space, rows, count, s, by_s)
     for i in range(rows):
         direction, depth = space.directions[choices.number[i]], choices.depth[i]
         if depth > 0.0:
@@ -144,7 +183,7 @@ def _fill_rates(space, rows, count, s):
             )
             inputs[i, 3 + k] = n
         part = choices.presence[i]
-        if 0.0 < part < 1.0:
+        if choices.are_solid[0] and 0.0 < part < 1.0:
             change = min(_STEP, 0.5 * min(part, 1.0 - part))
             choices.presence[i] = part + change
             rise = _excess_after_change(choices, rows, count, s)
@@ -178,23 +217,34 @@ def _only_active_direction(choices, rows):
 
 
 @inner_kernel
-def fill_way_out(space):
-    """Return the way out of a body [m]; fill its derivatives.
+def _length(raised, space):
+    """Return the way out of a body [m]; fill the choices of the directions that count.
 
-    These are `rate` and `turn` of the `space.directions`, and `space.residuals.rate`.
+    The numbers of directions and of choices are returned with it.
     """
-    choices, rows = space.choices, collect_directions(space)
-    if rows == 0:
-        return 0.0
-    if rows == 1:
-        direction = space.directions[choices.number[0]]
-        direction.rate = 1.0
-        return direction.depth
+    choices, rows = space.choices, collect_directions(raised, space)
+    if rows <= 1:
+        return (space.choices.depth[0] if rows == 1 else 0.0), rows, 0
     count = list_choices(choices, rows)
     if count == 0:
-        return 0.0
+        return 0.0, rows, 0
     _update(choices, rows, count)
-    s = _smooth_minimum(choices, rows, count)
+    return _smooth_minimum(choices, rows, count), rows, count
+
+
+@inner_kernel
+def fill_way_out(raised, space):
+    """Return the way out of a body [m]; fill its derivatives.
+
+    `raised` is the height of both textures above the smooth surfaces [m]. The derivatives are the
+    rates and `turn` of the `space.directions`, and `space.residuals.rate`.
+    """
+    choices = space.choices
+    s, rows, count = _length(raised, space)
+    if rows == 1:
+        space.directions[choices.number[0]].rate = 1.0
+    if count == 0:
+        return s
     count = _keep_contributing(choices, rows, count, s)
     only = _only_active_direction(choices, rows) if count == 1 else -1
     if only >= 0:
@@ -203,3 +253,47 @@ def fill_way_out(space):
     _update(choices, rows, count)
     _fill_rates(space, rows, count, s)
     return s
+
+
+@inner_kernel
+def _length_at_bounds(raised, space, others, one, bound):
+    """Return the way out [m] with direction `one` at a bound of its depth, and others at another.
+
+    The others are all other deferred directions.
+    """
+    for d in range(DIRECTIONS):
+        direction = space.directions[d]
+        if direction.is_deferred:
+            at = bound if d == one else others
+            direction.patches = 0 if at == _ABSENT else 1
+            direction.depth = direction.highest if at == _HIGHEST else direction.lowest
+    s = _length(raised, space)[0]
+    for d in range(DIRECTIONS):
+        if space.directions[d].is_deferred:
+            space.directions[d].patches = 0
+    return s
+
+
+@inner_kernel
+def depends_on_deferred(raised, space):
+    """Return whether the way out depends on the deferred directions.
+
+    It does not if it is the same without them, with all at their lower or their upper bounds, and
+    with one of them at the other bound.
+    """
+    directions, none = space.directions, -1
+    for d in range(DIRECTIONS):
+        if directions[d].is_deferred and directions[d].highest == np.inf:
+            return True
+    s = _length_at_bounds(raised, space, _ABSENT, none, _ABSENT)
+    for others in (_LOWEST, _HIGHEST):
+        if abs(_length_at_bounds(raised, space, others, none, others) - s) > _SAME * s:
+            return True
+    for others in (_LOWEST, _HIGHEST):
+        for d in range(DIRECTIONS):
+            if not directions[d].is_deferred:
+                continue
+            other = _LOWEST + _HIGHEST - others
+            if abs(_length_at_bounds(raised, space, others, d, other) - s) > _SAME * s:
+                return True
+    return False
