@@ -119,6 +119,16 @@ def test_derivatives_are_finite_whatever_the_directions(space):
         assert np.isfinite(space.residuals.rate).all()
 
 
+@pytest.mark.parametrize("part", [0.3, 0.7, 2.0])
+def test_a_direction_that_another_resolves_adds_nothing(space, part):
+    """Where its depth was a fortieth of the other's, the way out was longer by a twentieth."""
+    normals, residuals = [[0.0, 0.6, 0.8], [0.0, 0.0, 1.0]], np.array([[0.0, 0.0], [1.0, 0.0]])
+    volumes = widths([part, 50.0], 1.7e-3)
+    for depth in np.linspace(0.0, 150e-6, 31):
+        s = way_out(space, normals, [depth, 1768e-6], residuals, volumes, 1.7e-3)
+        assert s == pytest.approx(1768e-6, rel=1e-9)
+
+
 def widths(of_wide, deepest):
     """Return volumes of regions [m^3] at parts of the width from which a direction counts fully."""
     return 0.03 * np.array(of_wide) * (RAISED + np.asarray(deepest)) ** 3
