@@ -181,7 +181,9 @@ def search_direction(model, parameters, query, task, memory, space, workspace):
     direction.patches, has_room = _search_patches(
         model, parameters, query, task, memory, space, workspace
     )
-    is_certified = _fill_bounds(direction, manifold)
+    is_certified = _fill_bounds(direction, manifold) and has_room
+    if not has_room:
+        direction.highest = math.inf
     if task.is_trial and not is_certified and direction.depth <= task.ceiling:
         direction.is_deferred, direction.patches = True, 0
         return False
