@@ -159,7 +159,7 @@ def test_a_narrow_direction_of_no_depth_resolves_nothing(space):
 
 @pytest.mark.parametrize(
     ("of_wide", "depths"),
-    [((3.0, 0.5), (90e-6, 400e-6)), ((0.05, 0.02), (90e-6, 300e-6)), ((0.4, 2.0), (400e-6, 90e-6))],
+    [((3.0, 0.5), (90e-6, 400e-6)), ((0.5, 0.3), (90e-6, 300e-6)), ((0.4, 2.0), (400e-6, 90e-6))],
 )
 def test_derivatives_by_volumes_and_heights_are_those_of_the_way_out(space, of_wide, depths):
     normals, residuals = np.array([[1.0, 0.0, 0.0], [0.1, 0.99, 0.0]]), np.full((2, 2), 0.9)

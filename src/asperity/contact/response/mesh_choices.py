@@ -12,11 +12,11 @@ resolves, tau may go. At a convex edge residuals are 0, and each side is a way o
 are 1, and all choices are equal: both walls. Everything between is continuous.
 
 A direction whose region is much narrower than it is deep counts less. With V the volume of its
-region and H the largest of its depth and of the overlap of the highest points of both textures, its
-*presence* p rises from 0 to 1 as V / H^3 goes from a tenth of `_WIDE` to that (of the largest of
-all directions where none is as wide). So directions begin and end continuously. Of what remains of
-a direction p times counts; it resolves p times as much of others; and choices with it have p times
-their share. For convex bodies see `manifold.convex_regions`.
+region and H the largest of its depth and of the overlap of the highest points of both textures,
+what remains of it counts from V / H^3 = 0.003 on, and fully from 0.03. Its *presence* p rises in
+the same way, but where none is as wide, with V / H^3 over that of the widest: it resolves p times
+as much of others, and choices with it have p times their share. So directions begin and end
+continuously. For convex bodies see `manifold.convex_regions`.
 
 A choice *dominated* by a shorter one, because it has to cover all that the other covers and more,
 is no separate way out. How far it is one falls to 0 as it gets longer, by up to a tenth, and
@@ -87,6 +87,8 @@ class MeshChoices(NamedTuple):
     """[m], (6,)"""
     presence: NDArray[np.float64]
     """How far each direction counts, 0 to 1; (6,)."""
+    width: NDArray[np.float64]
+    """How far what remains of each direction counts, 0 to 1; (6,)."""
     residual: NDArray[np.float64]
     """(6, 6)"""
     volume: NDArray[np.float64]
@@ -112,6 +114,7 @@ def mesh_choices() -> MeshChoices:
         number=np.zeros(DIRECTIONS, np.int64),
         depth=np.zeros(DIRECTIONS),
         presence=np.zeros(DIRECTIONS),
+        width=np.zeros(DIRECTIONS),
         residual=np.zeros((DIRECTIONS, DIRECTIONS)),
         volume=np.zeros(DIRECTIONS),
         height=np.zeros(DIRECTIONS),
@@ -159,7 +162,7 @@ def is_wide(c, raised, space):
 
 @inner_kernel
 def fill_presences(choices, rows):
-    """Fill the presence of each direction, unless both bodies are convex."""
+    """Fill presence and width of each direction, unless both bodies are convex."""
     if choices.are_solid[0]:
         return
     widest = 0.0
@@ -169,8 +172,9 @@ def fill_presences(choices, rows):
         widest = max(widest, choices.presence[i])
     widest = min(widest, _WIDE)
     for i in range(rows):
-        part = choices.presence[i] / widest
-        choices.presence[i] = smooth_step((part - _NARROW) / (1.0 - _NARROW))
+        width = choices.presence[i]
+        choices.presence[i] = smooth_step((width / widest - _NARROW) / (1.0 - _NARROW))
+        choices.width[i] = smooth_step((width / _WIDE - _NARROW) / (1.0 - _NARROW))
 
 
 @inner_kernel
@@ -194,7 +198,8 @@ def collect_directions(raised, space):
     for i in range(rows):
         if choices.presence[i] > 0.0:
             for values in (
-                choices.depth, choices.presence, choices.volume, choices.height, choices.excess,
+                choices.depth, choices.presence, choices.width, choices.volume, choices.height,
+                choices.excess,
             ):  # fmt: skip
                 values[kept] = values[i]
             choices.number[kept] = choices.number[i]
@@ -225,7 +230,7 @@ def fill_needed(choices, rows, c):
                 if members >> j & 1:
                     part = 1.0 if are_solid else choices.presence[j]
                     left *= 1.0 - part * (1.0 - choices.residual[i, j])
-            left *= 1.0 if are_solid else choices.presence[i]
+            left *= 1.0 if are_solid else choices.width[i]
         choices.needed[c, i] = left * choices.depth[i]
         choices.ways.inputs[i, 0] = choices.needed[c, i] - _AGAINST * (1.0 - left) * all_depths
 

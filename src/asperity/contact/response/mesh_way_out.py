@@ -131,7 +131,7 @@ def _fill_width_rates(space, rows, count, s, by_s):
     """Fill the derivatives of the way out by volumes and heights of the regions."""
     choices, is_partial = space.choices, False
     for i in range(rows):
-        is_partial = is_partial or 0.0 < choices.presence[i] < 1.0
+        is_partial = is_partial or 0.0 < choices.presence[i] < 1.0 or 0.0 < choices.width[i] < 1.0
     if choices.are_solid[0] or not is_partial:
         return
     for i in range(rows):
