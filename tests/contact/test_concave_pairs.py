@@ -10,7 +10,7 @@ from asperity.contact.solver import ContactSolver
 from asperity.scene.builtin import load_scene
 from asperity.scene.from_files import make_scene
 from contact.test_mesh_potential import first_pose
-from contact.test_steep_edges import PATTERNS
+from contact.test_steep_edges import PATTERNS, solid
 
 STEPS = 300
 
@@ -55,27 +55,13 @@ def concave(rng):
     return trimesh.creation.revolve(profile, sections=int(rng.integers(12, 40)))
 
 
-def convex(rng):
-    """Return a prism, a box or the convex hull of points [mm]."""
-    kind = rng.integers(3)
-    if kind == 0:
-        radius, height = rng.uniform(3, 6), rng.uniform(4, 12)
-        sides = int(rng.integers(16, 60))
-        return trimesh.creation.cylinder(radius=radius, height=height, sections=sides)
-    if kind == 1:
-        return trimesh.creation.box(rng.uniform(5, 12, 3))
-    points = rng.normal(size=(int(rng.integers(8, 30)), 3))
-    points *= 5.0 / np.linalg.norm(points, axis=1)[:, None]
-    return trimesh.convex.convex_hull(points * rng.uniform(0.6, 1.2, 3))
-
-
 def closed_path(seed, folder):
     """Return the solver of a pair that touches, and poses (n, 7) of its tool on a closed path.
 
     The second result is the tool's centre of mass in its frame (3,) [m].
     """
     rng = np.random.default_rng(seed)
-    tool = concave(rng) if rng.random() < 0.65 else convex(rng)
+    tool = concave(rng) if rng.random() < 0.65 else solid(rng)
     files = [str(folder / name) for name in ("tool.stl", "target.stl")]
     tool.export(files[0])
     concave(rng).export(files[1])
@@ -145,11 +131,8 @@ def test_deep_poses_have_the_force_of_all_directions(name):
     """Directions that are not searched change nothing: those in contact before are searched."""
     scene = load_scene(name)
     engine = ContactSolver(scene.model, scene.bodies, scene.tool, scene.force)
-    start, rng, several = (
-        Rotation.from_quat(np.roll(scene.start[3:], -1)),
-        np.random.default_rng(3),
-        0,
-    )
+    start = Rotation.from_quat(np.roll(scene.start[3:], -1))
+    rng, several = np.random.default_rng(3), 0
     for _ in range(40):
         at = scene.start.copy()
         at[:3] += rng.uniform([-0.03, -0.03, -0.004], [0.03, 0.03, 0.0])

@@ -161,7 +161,7 @@ def is_wide(c, raised, space):
 
 
 @inner_kernel
-def fill_presences(choices, rows):
+def fill_widths(choices, rows):
     """Fill presence and width of each direction, unless both bodies are convex."""
     if choices.are_solid[0]:
         return
@@ -193,7 +193,7 @@ def collect_directions(raised, space):
             choices.height[rows] = space.region.sums[d].deepest + raised
             choices.excess[rows] = direction.depth - direction.lowest
             rows += 1
-    fill_presences(choices, rows)
+    fill_widths(choices, rows)
     kept = 0
     for i in range(rows):
         if choices.presence[i] > 0.0:

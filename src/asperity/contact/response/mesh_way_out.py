@@ -15,8 +15,8 @@ from asperity.contact.response.mesh_choices import (
     LONGER,
     collect_directions,
     fill_needed,
-    fill_presences,
     fill_shares,
+    fill_widths,
     list_choices,
     presence_of,
 )
@@ -34,7 +34,7 @@ _ABSENT, _LOWEST, _HIGHEST = 0, 1, 2
 def _update(choices, rows, count):
     """Solve all choices again for changed inputs; fill shares and S."""
     ways = choices.ways
-    fill_presences(choices, rows)
+    fill_widths(choices, rows)
     for c in range(count):
         fill_needed(choices, rows, c)
         ways.length[c] = update_choice(ways.inputs, ways.choices[c], rows, ways.shares[c])
@@ -120,10 +120,20 @@ def _keep_contributing(choices, rows, count, s):
 
 
 @inner_kernel
-def _excess_after_change(choices, rows, count, s):
-    """Return the excess at s after a change of the inputs."""
+def _rise(choices, values, i, change, rows, count, s):
+    """Return by how much the excess at s rises from `values[i]` less `change` to that plus it.
+
+    `values` is one of the arrays of `choices`, or a row of one.
+    """
+    was = values[i]
+    values[i] = was + change
     _update(choices, rows, count)
-    return _excess(choices, count, s)
+    rise = _excess(choices, count, s)
+    values[i] = was - change
+    _update(choices, rows, count)
+    rise -= _excess(choices, count, s)
+    values[i] = was
+    return rise
 
 
 @inner_kernel
@@ -135,24 +145,14 @@ def _fill_width_rates(space, rows, count, s, by_s):
     if choices.are_solid[0] or not is_partial:
         return
     for i in range(rows):
-        direction, was = space.directions[choices.number[i]], choices.volume[i]
-        change = _STEP * was
-        choices.volume[i] = was + change
-        rise = _excess_after_change(choices, rows, count, s)
-        choices.volume[i] = was - change
-        rise -= _excess_after_change(choices, rows, count, s)
+        direction, height = space.directions[choices.number[i]], choices.height[i]
+        change = _STEP * choices.volume[i]
+        rise = _rise(choices, choices.volume, i, change, rows, count, s)
         direction.volume_rate = -rise / (2.0 * change * by_s)
-        choices.volume[i], was = was, choices.height[i]
-        if was <= choices.depth[i]:
-            continue
-        change = min(_STEP * was, 0.5 * (was - choices.depth[i]))
-        choices.height[i] = was + change
-        rise = _excess_after_change(choices, rows, count, s)
-        choices.height[i] = was - change
-        rise -= _excess_after_change(choices, rows, count, s)
-        direction.height_rate = -rise / (2.0 * change * by_s)
-        choices.height[i] = was
-    _update(choices, rows, count)
+        if height > choices.depth[i]:
+            change = min(_STEP * height, 0.5 * (height - choices.depth[i]))
+            rise = _rise(choices, choices.height, i, change, rows, count, s)
+            direction.height_rate = -rise / (2.0 * change * by_s)
 
 
 @inner_kernel
@@ -164,44 +164,25 @@ def _fill_rates(space, rows, count, s):
     by_s = (rise - _excess(choices, count, s - step)) / (2.0 * step)
     _fill_width_rates(space, rows, count, s, by_s)
     for i in range(rows):
-        direction, depth = space.directions[choices.number[i]], choices.depth[i]
-        if depth > 0.0:
-            choices.depth[i] = depth + step
-            rise = _excess_after_change(choices, rows, count, s)
-            choices.depth[i] = depth - step
-            direction.rate = -(rise - _excess_after_change(choices, rows, count, s)) / (
-                2.0 * step * by_s
-            )
-            choices.depth[i] = depth
+        direction = space.directions[choices.number[i]]
+        if choices.depth[i] > 0.0:
+            rise = _rise(choices, choices.depth, i, step, rows, count, s)
+            direction.rate = -rise / (2.0 * step * by_s)
         for k in range(3):
-            n = inputs[i, 3 + k]
-            inputs[i, 3 + k] = n + _STEP
-            rise = _excess_after_change(choices, rows, count, s)
-            inputs[i, 3 + k] = n - _STEP
-            direction.turn[k] = -(rise - _excess_after_change(choices, rows, count, s)) / (
-                2.0 * _STEP * by_s
-            )
-            inputs[i, 3 + k] = n
+            rise = _rise(choices, inputs[i], 3 + k, _STEP, rows, count, s)
+            direction.turn[k] = -rise / (2.0 * _STEP * by_s)
         part = choices.presence[i]
         if choices.are_solid[0] and 0.0 < part < 1.0:
             change = min(_STEP, 0.5 * min(part, 1.0 - part))
-            choices.presence[i] = part + change
-            rise = _excess_after_change(choices, rows, count, s)
-            choices.presence[i] = part - change
-            rise -= _excess_after_change(choices, rows, count, s)
+            rise = _rise(choices, choices.presence, i, change, rows, count, s)
             direction.presence_rate = -rise / (2.0 * change * by_s)
-            choices.presence[i] = part
         for j in range(rows):
             one, two, was = choices.number[i], choices.number[j], choices.residual[i, j]
             if i == j or was <= 0.0 or was >= 1.0:
                 continue  # its slope is 0 too
             change = min(_STEP, 0.5 * min(was, 1.0 - was))
-            choices.residual[i, j] = was + change
-            rise = _excess_after_change(choices, rows, count, s)
-            choices.residual[i, j] = was - change
-            rise -= _excess_after_change(choices, rows, count, s)
+            rise = _rise(choices, choices.residual[i], j, change, rows, count, s)
             space.residuals.rate[one, two] = -rise / (2.0 * change * by_s)
-            choices.residual[i, j] = was
 
 
 @inner_kernel
@@ -224,7 +205,7 @@ def _length(raised, space):
     """
     choices, rows = space.choices, collect_directions(raised, space)
     if rows <= 1:
-        return (space.choices.depth[0] if rows == 1 else 0.0), rows, 0
+        return (choices.depth[0] if rows == 1 else 0.0), rows, 0
     count = list_choices(choices, rows)
     if count == 0:
         return 0.0, rows, 0
