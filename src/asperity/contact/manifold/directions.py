@@ -171,7 +171,7 @@ def _clear_directions(query, are_solid, space):
 
 @inner_kernel
 def search_directions(model, parameters, query, count, memory, space, workspace):
-    """Fill depths and residuals of all directions that count; return whether there is one.
+    """Fill depths and residuals of all directions that count; return whether the bodies may touch.
 
     The widest and shallowest overlap comes first. A direction is left out, its `patches` 0, where
     one that every choice includes resolves all. Those whose depths are only bounded are searched at
